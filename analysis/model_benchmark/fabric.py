@@ -21,7 +21,7 @@ SOFT = 0.1  # error of D beyond which an outlier counts less
 
 
 def fabric_constants(tests: xr.Dataset) -> pandas.DataFrame:
-    """k_F and e_A of labkit.plugins.peers.acst from A, e and stress of tests: constant, of, value, within, packings.
+    """k_F and e_A of analysis.peers.acst from A, e and stress of tests: constant, of, value, within, packings.
 
     `of` is `all packings`, or for k_F also each packing, whose `within` is NaN.
     """

@@ -153,9 +153,7 @@ def cells(table: pandas.DataFrame) -> pandas.DataFrame:
 def draw(rows: Sequence[dict], file: Path) -> None:
     """Draw the stress paths of undrained compression and extension, a panel per shape and density."""
     shapes = list(dict.fromkeys(row["shape"] for row in rows))
-    figure, panels = plt.subplots(
-        len(shapes), 2, figsize=(7.5, 3.4 * len(shapes)), layout="constrained", squeeze=False, sharex="row"
-    )
+    figure, panels = plt.subplots(len(shapes), 2, figsize=(7.5, 3.4 * len(shapes)), layout="constrained", squeeze=False)
     for (shape, density), axes in zip(itertools.product(shapes, DENSITIES), panels.ravel(), strict=True):
         own = [row for row in rows if (row["shape"], row["density"]) == (shape, density)]
         for row, test in itertools.product(own, ("compression", "extension")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from labkit.micro import (
 from labkit.sff import NEGLECTED, neglected_terms, stress, tangential_coupling
 
 FORMS = ("c0", "c0_volume", "fourth", "entropy2", "c0_volume + 2")
+CLOSURES = FORMS[2:]
 POINTS, WEIGHTS = (lambda rule: (rule[0].T, rule[1] / rule[1].sum()))(lebedev_rule(29))
 STEPS, TOLERANCE = 60, 1e-10
 
@@ -105,9 +107,9 @@ def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
     }
 
 
-def snapshots(file: Path) -> pandas.DataFrame:
-    """A row for each snapshot of a run but the first: test, shape, grading, seed, strain and `of_snapshot`."""
-    test, shape, grading, seed = file.name.removesuffix(".run.nc").split("-")
+def snapshots(file: Path, labels: Sequence[str]) -> pandas.DataFrame:
+    """A row for each snapshot of a run but the first: its labels in the file name, strain, `of_snapshot` and checks."""
+    first = dict(zip(labels, file.name.removesuffix(".run.nc").replace("_", " ").split("-"), strict=True))
     with lk.open_run(file) as run:
         strain = np.abs(run.lab.strain().values[run["record"].values])
         rows = [of_snapshot(one) for one in run.lab.snapshots(range(1, run.lab.number_of_snapshots))]
@@ -116,6 +118,7 @@ def snapshots(file: Path) -> pandas.DataFrame:
             "energy_balance": float(np.abs(run["energy_balance_error"]).max()),
             "bodies": len(run.lab.body_radius),
         }
-    first = {"test": test, "shape": shape, "grading": grading.replace("_", " "), "seed": int(seed.removeprefix("s"))}
-    table = pandas.DataFrame(rows).assign(**first, strain=np.round(strain[1:], 4), **checks)
-    return table[[*first, "strain", *(name for name in table if name not in (*first, "strain"))]]
+    first |= {"seed": first["seed"].removeprefix("s")}
+    return pandas.DataFrame(
+        [first | {"strain": round(at, 4)} | row | checks for at, row in zip(strain[1:], rows, strict=True)]
+    )

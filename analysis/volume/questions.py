@@ -12,7 +12,8 @@ from scipy import stats
 
 from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT, Tested, adjusted, cluster_mean
-from analysis.volume.forms import FORMS
+from analysis.volume.forms import CLOSURES, FORMS
+from analysis.volume.simulate import OF_CLUMPS
 from labkit.micro import along_deviator, equivalent_stress
 from labkit.sff import NEGLECTED
 
@@ -20,8 +21,11 @@ MARGIN = 0.02  # of q
 FIRST_STRAIN = {"compression": 0.019, "extension": 0.019, "b": 0.019, "shear": 0.039, "cyclic": 0.0}
 LEAST_RATIO = 0.2  # of q to p, in cycles
 CELL = ["shape", "grading", "test"]
+FIRST_OF_ENGINES, ALIKE = 0.009, 0.005  # least strain of the specimens that both engines shear; of q
+FAILS = 0.05  # error of q of `fourth`
 STORED = ("other_paths", "lode_angle", "critical_state")
 POWERS = (0.0, 0.01)  # true errors for which the power is given
+PLANNED = ("spheres", "clumps")
 
 
 def judged(data: pandas.DataFrame) -> pandas.DataFrame:
@@ -36,20 +40,26 @@ def by_specimen(data: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def errors(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Error of q and p of every equation in every cell, with the outcome of the plan; Holm within an equation."""
-    rows = []
-    for cell, part in by_specimen(data).groupby(CELL, sort=False):
+    """Error of q and p of every equation in every cell, with the outcome of the plan."""
+    rows, specimens = [], by_specimen(data)
+    for (group, *cell), part in specimens.groupby([groups(specimens), *CELL], sort=False):
         for form in FORMS:
-            rows.append(dict(zip(CELL, cell, strict=True)) | {"form": form} | _errors_of(part, form))
+            row = {"group": group} | dict(zip(CELL, cell, strict=True))
+            rows.append(row | {"form": form} | _errors_of(part, form))
     return _with_outcomes(pandas.DataFrame(rows))
 
 
+def groups(table: pandas.DataFrame) -> pandas.Series:
+    """What a row belongs to: spheres or clumps, the groups of the plan, or clumps of another ratio."""
+    others = "clumps " + table["grading"].str.split().str[0]
+    names = np.select([table["shape"] == "spheres", table["grading"] == OF_CLUMPS], ["spheres", "clumps"], others)
+    return pandas.Series(names, table.index, name="group")
+
+
 def by_test(data: pandas.DataFrame) -> pandas.DataFrame:
-    """The same over all gradings of spheres, and over all shapes of clumps: the second family of the plan."""
-    specimens = by_specimen(data)
-    specimens["group"] = np.where(specimens["shape"] == "spheres", "spheres", "clumps")
-    rows = []
-    for (group, test), part in specimens.groupby(["group", "test"], sort=False):
+    """The same over all gradings of spheres, and over all shapes of clumps: the second and third family of the plan."""
+    rows, specimens = [], by_specimen(data)
+    for (group, test), part in specimens.groupby([groups(specimens), "test"], sort=False):
         cells = part.groupby(CELL[:2])
         for form in FORMS:
             worst = cells[f"{form} q"].mean()
@@ -73,9 +83,12 @@ def _standard_error(mean: Tested) -> float:
 
 
 def _with_outcomes(table: pandas.DataFrame) -> pandas.DataFrame:
-    """Adds the p-value after Holm's correction within each equation, the corrected interval, and the outcome."""
+    """Adds the p-value after Holm's correction, the corrected interval, and the outcome.
+
+    The groups of the plan are a family of each equation, and the other ratios another.
+    """
     parts = []
-    for _, part in table.groupby("form", sort=False):
+    for _, part in table.groupby(["form", table["group"].isin(PLANNED)], sort=False):
         level = 1.0 - 0.5 * SIGNIFICANT / len(part)
         freedom = np.maximum(part["specimens"] - 1, 1)
         corrected = np.where(
@@ -119,49 +132,112 @@ def extremes(data: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def checks(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Inertial number, energy balance, and p by volume, a row for each shape and grading."""
-    table = data.assign(p_exact=data["c0_volume p"].abs())
-    groups = table.groupby(["shape", "grading"], sort=False)
-    return groups.agg(
-        specimens=("seed", "nunique"),
-        snapshots=("p", "size"),
-        grains=("bodies", "max"),
-        inertial_number=("inertial_number", "max"),
-        energy_balance=("energy_balance", "max"),
-        largest_error_of_p=("p_exact", "max"),
-    ).reset_index()
+    """Inertial number, energy balance, and p by volume, a row for each set, engine, shape and grading."""
+    in_rounds = data.index.isin(judged(data[data["set"] == "rounds"]).index)
+    table = data.assign(p_exact=data["c0_volume p"].abs(), judged=in_rounds)
+    table = table.fillna({"engine": "fused", "grading": "1.5 number"})
+    return (
+        table.groupby(["set", "engine", "shape", "grading"], sort=False)
+        .agg(
+            specimens=("seed", "nunique"),
+            snapshots=("p", "size"),
+            judged=("judged", "sum"),
+            grains=("bodies", "max"),
+            inertial_number=("inertial_number", "max"),
+            energy_balance=("energy_balance", "max"),
+            largest_error_of_p=("p_exact", "max"),
+        )
+        .reset_index()
+    )
 
 
-def pooled(table: pandas.DataFrame) -> pandas.DataFrame:
-    """Outcomes of the cells of spheres if all have the same scatter, which is then known well. Not planned."""
-    rows = []
-    for form, part in table[(table["shape"] == "spheres") & (table["specimens"] > 1)].groupby("form", sort=False):
-        freedom = part["specimens"] - 1
-        scatter = math.sqrt(float((freedom * part["scatter"] ** 2).sum() / freedom.sum()))
-        error = scatter / np.sqrt(part["specimens"])
-        corrected = adjusted(stats.t.sf((MARGIN - part["q"].abs()) / error, freedom.sum()))
-        row = {"form": form, "cells": len(part), "freedom": freedom.sum(), "scatter": scatter}
-        half = float(stats.t.ppf(0.975, freedom.sum()) * error.median())
-        rows.append(row | {"half": half, "below": int((corrected < SIGNIFICANT).sum())})
-    return pandas.DataFrame(rows, columns=["form", "cells", "freedom", "scatter", "half", "below"])
+def missing(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Specimens of the rounds that could not be made, or whose tests failed: others of their group have the seed."""
+    cells = data.groupby([groups(data), *CELL[:2]], sort=False)["seed"].agg(set)
+    everyone = cells.groupby("group").agg(lambda sets: set.union(*sets))
+    rows = [
+        {"shape": shape, "grading": grading, "seed": seed}
+        for (group, shape, grading), seeds in cells.items()
+        for seed in sorted(everyone[group] - seeds)
+    ]
+    return pandas.DataFrame(rows, columns=["shape", "grading", "seed"])
 
 
-def power(table: pandas.DataFrame) -> pandas.DataFrame:
+def power(found: pandas.DataFrame, means: pandas.DataFrame) -> pandas.DataFrame:
     """Probability that an equation is called below, by specimens and true error, from the measured scatter."""
     rng, rows = np.random.default_rng(1), []
-    part = table[(table["form"] == "c0_volume") & (table["specimens"] > 1)]
-    for group, cells in part.groupby(np.where(part["shape"] == "spheres", "spheres", "clumps")):
-        n, scatter = int(cells["specimens"].median()), float(np.sqrt((cells["scatter"] ** 2).mean()))
-        for true in POWERS:
-            drawn = rng.normal(true, scatter, (20000, n))
-            size = drawn.std(axis=1, ddof=1) / math.sqrt(n)
-            statistic = (MARGIN - np.abs(drawn.mean(axis=1))) / size
-            row = {"group": group, "specimens": n, "scatter": scatter, "error": true}
-            for name, looks in (("strictest", len(part)), ("last", 1)):
-                row[name] = float((stats.t.sf(statistic, n - 1) < SIGNIFICANT / looks).mean())
-            rows.append(row)
-    columns = ["group", "specimens", "scatter", "error", "strictest", "last"]
-    return pandas.DataFrame(rows, columns=columns)
+    tables = {"cell": found[found["group"].isin(PLANNED)], "mean": means}
+    for what, table in tables.items():
+        part = table[(table["form"] == "c0_volume") & (table["specimens"] > 1)]
+        for group, of_group in part.groupby(
+            part["group"].where(part["group"].isin(PLANNED), "other ratios"), sort=False
+        ):
+            n, scatter = int(of_group["specimens"].median()), float(np.sqrt((of_group["scatter"] ** 2).mean()))
+            looks = int((part["group"].isin(PLANNED) == (group in PLANNED)).sum())
+            for true in POWERS:
+                drawn = rng.normal(true, scatter, (20000, n))
+                size = drawn.std(axis=1, ddof=1) / math.sqrt(n)
+                p_value = stats.t.sf((MARGIN - np.abs(drawn.mean(axis=1))) / size, n - 1)
+                row = {"group": group, "of": what, "specimens": n, "looks": looks, "scatter": scatter, "error": true}
+                row |= {"strictest": (p_value < SIGNIFICANT / looks).mean(), "last": (p_value < SIGNIFICANT).mean()}
+                rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def engines(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Errors of q by volume on both engines, paired by specimen: a row per test, of all specimens and of each kind."""
+    late = data[data["strain"] >= FIRST_OF_ENGINES]
+    if late.empty:
+        return pandas.DataFrame(columns=["test", "shape"])
+    means = late.groupby([*CELL, "seed", "engine"], sort=False)["c0_volume q"].mean().unstack("engine").reset_index()
+    rows = []
+    for test, of_test in means.groupby("test", sort=False):
+        kinds = {("all", ""): of_test} | dict(iter(of_test.groupby(["shape", "grading"], sort=False)))
+        for (shape, grading), part in kinds.items():
+            row = {"test": test, "shape": shape, "grading": grading, "specimens": len(part)}
+            columns = {"fused": part["fused"], "yade": part["yade"], "difference": part["yade"] - part["fused"]}
+            for name, values in columns.items():
+                mean = cluster_mean(values)
+                row |= {name: mean.value, f"{name}_within": mean.within}
+            rows.append(row | {"alike": abs(row["difference"]) + row["difference_within"] < ALIKE})
+    return pandas.DataFrame(rows)
+
+
+def failing(data: pandas.DataFrame) -> pandas.DataFrame:
+    """The snapshots in which `fourth` errs by more than FAILS of q, with the errors of every equation."""
+    table = data[(data["q/p"] > LEAST_RATIO) & (data["fourth q"].abs() > FAILS)]
+    return table[["shape", "grading", "test", "seed", "strain", *(f"{form} q" for form in FORMS)]]
+
+
+def goal(found: pandas.DataFrame, terms: pandas.DataFrame) -> pandas.DataFrame:
+    """Cells within MARGIN, below and above it, by equation, and the largest term that is neglected in the worst."""
+    largest = terms.set_index(CELL)["largest"].map(NEGLECTED)
+    tests = np.where(found["test"].isin(["extension", "b"]), "extension, b = 0.5", "compression, shear, cycles")
+    rows = []
+    for (group, of, form), part in found.groupby(["group", tests, "form"], sort=False):
+        worst = part.loc[part["q"].abs().idxmax()]
+        row = {"group": group, "tests": of, "form": form, "cells": len(part), "specimens": part["specimens"].max()}
+        row |= {"within": (part["q"].abs() < MARGIN).sum()}
+        row |= {name: (part["outcome"] == name).sum() for name in ("below", "above")}
+        row |= {"largest": worst["q"], "largest_within": worst["q_within"], "in": " ".join(worst[CELL])}
+        remains = {"c0_volume": largest[tuple(worst[CELL])], "c0_volume + 2": NEGLECTED["tangential_4"]}
+        rows.append(row | {"remains": remains.get(form, "")})
+    return pandas.DataFrame(rows)
+
+
+def closures(found: pandas.DataFrame, means: pandas.DataFrame, wild: pandas.DataFrame) -> pandas.DataFrame:
+    """The rule of the plan by which a closure earns a place, a row for each."""
+    cells = found[found["group"].isin(PLANNED)].set_index([*CELL, "form"])["outcome"].eq("below").unstack("form")
+    of_means = means.set_index(["group", "test", "form"])["outcome"].eq("below").unstack("form")
+    rows = []
+    for form in CLOSURES:
+        missed = pandas.concat([table.loc[~table["c0_volume"], form] for table in (cells, of_means)])
+        reached = cells.loc[cells["c0_volume"], form]
+        worst = wild[f"{form} q"].abs().max()
+        row = {"form": form, "missed": len(missed), "cured": missed.sum(), "reached": len(reached)}
+        row |= {"still": reached.sum(), "failing": len(wild), "largest": worst}
+        rows.append(row | {"earned": missed.all() and reached.all() and worst <= FAILS})
+    return pandas.DataFrame(rows)
 
 
 def stored() -> pandas.DataFrame:

@@ -176,3 +176,8 @@ def finished_on_both(folder: Path) -> list[Path]:
         if all(file.exists() and complete(file) for file in pairs):
             files += pairs
     return files
+
+
+def finished_again(folder: Path) -> list[Path]:
+    """Run files of the repeated tests that are complete."""
+    return [file for file in sorted((folder / "failing" / "runs").glob("*.run.nc")) if complete(file)]

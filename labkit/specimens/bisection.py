@@ -71,7 +71,7 @@ def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progre
         low, high = (share, high) if end else (low, share)
         share = end if trial == 1 and end in (low, high) else 0.5 * (low + high)
         if len(trials) >= HALVINGS:
-            share = _share_by_line(trials, recipe.void_ratio)
+            share = share_by_line(trials, recipe.void_ratio)
     raise PhysicsError(
         f"no friction gives a void ratio of {recipe.void_ratio:.4f} at {recipe.pressure:.3g} Pa (the last gave "
         f"{reached:.4f}): choose one between e_min and e_max, which labkit density measures, more grains or a "
@@ -79,14 +79,15 @@ def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progre
     )
 
 
-def _share_by_line(trials: list[tuple[float, float]], void_ratio: float) -> float:
+def share_by_line(trials: list[tuple[float, float]], void_ratio: float) -> float:
     """Return the share at which a line through the nearest trials (share, void ratio) has a void ratio.
 
     It lies within these trials, and none of them has had it.
     """
     shares, reached = np.array(sorted(trials, key=lambda trial: abs(trial[1] - void_ratio))[:NEAREST]).T
-    slope, level = np.polyfit(shares, reached, 1)
-    share = (void_ratio - level) / slope if slope > 0.0 else shares.mean()
+    apart = shares - shares.mean()
+    slope = float(apart @ reached / (apart @ apart))
+    share = shares.mean() + ((void_ratio - reached.mean()) / slope if slope > 0.0 else 0.0)
     share = float(np.clip(share, shares.min(), shares.max()))
     while any(share == before for before, _ in trials):
         share = 0.5 * (share + next(float(other) for other in shares if other != share))

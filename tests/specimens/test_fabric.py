@@ -11,6 +11,7 @@ from labkit.cli.dispatch import main
 from labkit.errors import InputError
 from labkit.micro.stress import largest_deviation
 from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.specimens.bisection import share_by_line
 from labkit.specimens.recipe import FABRICS, Recipe
 
 PRESSURE = 200e3
@@ -50,6 +51,23 @@ def test_bisection_reaches_the_void_ratio_with_the_fabric():
     assert void_ratio_nominal(state.snapshot()) == pytest.approx(0.74, abs=0.01)
     assert axial_anisotropy(state) < -LEAST
     assert Recipe.from_json(state.recipe) == recipe
+
+
+def test_a_search_among_scattering_trials_goes_on_with_new_shares_between_the_nearest():
+    rng = np.random.default_rng(7)
+    for scatter in (0.0, 0.004, 0.1):
+        shares = sorted(rng.uniform(0.05, 0.9, 6))
+        trials = [(share, 0.5 + 0.4 * share + rng.normal(0.0, scatter)) for share in shares]
+        for _ in range(14):
+            share = share_by_line(trials, 0.7)
+            near = sorted(trials, key=lambda trial: abs(trial[1] - 0.7))[:5]
+            assert min(near)[0] <= share <= max(near)[0] and share not in [before for before, _ in trials]
+            trials.append((share, 0.5 + 0.4 * share + rng.normal(0.0, scatter)))
+            if abs(trials[-1][1] - 0.7) < 0.002:
+                break
+        reached = [abs(e - 0.7) for _, e in trials]
+        assert min(reached) < max(0.002, 0.5 * scatter)
+    assert share_by_line([(0.1, 0.6), (0.3, 0.8), (0.2, 0.7)], 0.7) not in (0.1, 0.2, 0.3)
 
 
 def test_the_sign_of_the_fabric_decides_what_a_test_at_constant_volume_does():

@@ -55,7 +55,6 @@ def numbers(run: xr.Dataset) -> Numbers:
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
     largest = float(error.max()) if error.size else np.nan
     values = {
-        "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
         "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
         **_at_ends("mean_stress", p, "Pa"),
         **_at_peak(run),
