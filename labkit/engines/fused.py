@@ -7,27 +7,26 @@ Eqs. 1-3. Results are bitwise identical for any number of threads.
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.host import call_common, find_touching
+from labkit.engines.kernel.host import call_common
 from labkit.engines.kernel.layout import CELL_WORK, CONTACT_SUMS, DAMPING_LOSS, SITE_V, SITE_W, SUM_ROWS, WIDTH
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.machine import machine_code
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
-from labkit.engines.sorting import sort_contacts
+from labkit.engines.kernel.specimen import Kinematics, Pairs, Scale, contacts_among, history_of, require_loadable
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
-from labkit.grains.columns import history_fields, overlaps
+from labkit.grains.columns import history_fields
 from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.grains.valid import require_fitting
 from labkit.process.system import number_of_cores
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
@@ -57,26 +56,6 @@ OWN = (
 )
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # type of numbers that may be single
-
-
-Kinematics: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, spin: (grain, 3), in SI units
-
-
-class Scale(NamedTuple):
-    """The whole specimen: number of grains, mean and largest diameter (m), largest gap that a contact crosses (m)."""
-
-    grains: int
-    mean_diameter: float
-    largest_diameter: float
-    reach: float
-
-
-class Pairs(NamedTuple):
-    """Pairs of grains: indices (n, 2), periodic shift of the second grain (n, 3), history (n, k)."""
-
-    grain: np.ndarray
-    shift: np.ndarray
-    rows: np.ndarray
 
 
 def needs_of(scene: Scene, precision: str, clumps: bool = False, energy: bool = True) -> Needs:
@@ -145,27 +124,16 @@ class FusedEngine(Engine):
         self._solids = self._solids_of(self._start.radius)
         kinematics = state.position, state.velocity, state.angular_velocity
         position, velocity, spin = (np.array(values, float) for values in kinematics)
-        self._search((position, velocity, spin), self._history_of(state))
+        self._search((position, velocity, spin), history_of(state, self._needs.law.columns))
         self._settle()
 
     def _accept(self, state: State) -> None:
         """Store what concerns the whole specimen. Raises InputError for a state that the engine cannot load."""
-        scene = state.scene
-        try:
-            require_fitting(state)
-        except ValueError as error:
-            raise InputError(f"the state is not one of grains in a cell: {error}") from None
-        if state.clumps is not None and scene.contact_law.far:
-            problem = "acts across a gap, which clumps do not support"
-            raise InputError(
-                problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
-            )
+        require_loadable(state)
         radius = np.array(state.radius, float)  # the user may change the array later
         self._start = state.replace(radius=radius, **dict.fromkeys(OWN))
         self._bodies_of_state = bodies_of(state)
-        self._scale = Scale(
-            len(radius), 2.0 * radius.mean(), 2.0 * radius.max(), scene.contact_law.reach(scene, radius)
-        )
+        self._scale = Scale.of(state.scene, radius)
 
     def _prepare(self) -> None:
         """Set everything that does not depend on single grains, and compile the functions."""
@@ -196,22 +164,6 @@ class FusedEngine(Engine):
         """Return radius, 1/mass and 1/(moment of inertia), (grain, 3), of grains with the radii (grain,), in m."""
         masses = self._start.scene.mass(radius), self._start.scene.moment_of_inertia(radius)
         return np.stack([radius, *(1.0 / mass for mass in masses)], axis=1)
-
-    def _history_of(self, state: State) -> History:
-        """Return the contact history of a state, with the columns of the parts that act in the scene."""
-        columns, known = self._needs.law.columns, state.history_columns
-        if columns.keys() - known.keys():
-            known = state.scene.contact_law.history_at(overlaps(state), known)
-        rows = np.zeros((len(state.contact_grain), sum(column.size for column in columns.values())))
-        for name, values in columns_in(rows, columns).items():
-            values[:] = known[name]
-        return History(
-            np.array(state.contact_grain.T, np.int32, order="C"),  # a copy, whose indices nobody changes any more
-            np.ascontiguousarray(state.contact_shift, np.int32),
-            rows,
-            np.concatenate([np.full(column.size, column.odd) for column in columns.values()] or [np.zeros(0, bool)]),
-            np.arange(state.number_of_grains),
-        )
 
     def _divide_work(self) -> None:
         """Choose the largest useful number of threads for the loaded specimen."""
@@ -370,15 +322,11 @@ class FusedEngine(Engine):
 
     def _state_of(self, grains: Kinematics, pairs: Pairs) -> State:
         position, velocity, spin = grains
-        columns = self._needs.law.columns
-        kept = find_touching(pairs.grain, pairs.shift, position, self._start.radius, self._cell)
-        if self._start.scene.contact_law.far:  # pairs that their history joins even across a gap
-            known = columns_in(pairs.rows, columns)
-            joined = [known[name] != 0.0 for name, column in columns.items() if column.joins]
-            kept = np.union1d(kept, np.flatnonzero(np.any(joined, axis=0)))
-        contact_grain, contact_shift, order, sign = sort_contacts(pairs.grain.take(kept, 0), pairs.shift.take(kept, 0))
-        rows = (np.where(self.packing.odd, sign, 1) * pairs.rows.take(kept[order], 0)).astype(float)
-        known, law = columns_in(rows, columns), self._start.scene.contact_law
+        law, of_law = self._start.scene.contact_law, self._needs.law
+        contacts = contacts_among(pairs, position, self._start.radius, self._cell, of_law.columns if law.far else {})
+        contact_grain, contact_shift, order, sign = contacts
+        rows = (np.where(self.packing.odd, sign, 1) * pairs.rows.take(order, 0)).astype(float)
+        known = columns_in(rows, of_law.columns)
         start, moved = self._start, {} if self._bodies is None else self._bodies.motion()
         return start.replace(
             position=position,

