@@ -2,6 +2,7 @@
 
     python -m benchmarks.ranks s.state.nc --copies 2 2 2 --ranks 2 3 4 2x2    # 2x2: two ranks of two threads
     python -m benchmarks.ranks s.state.nc --some                              # each law on one path and number of ranks
+    python -m benchmarks.ranks s.state.nc --copies 2 2 2 --speed 200          # the time of a step, 200 rounds
 
 Each run of `fused` on ranks is compared with one on one thread: all variables of the run file, with snapshots and
 checkpoint. The specimen is taken under each law, with random velocities, so that its copies differ.
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,6 +29,8 @@ from labkit.grains.laws import LAWS
 from labkit.grains.state import State
 from labkit.paths.path import Path as StrainPath
 from labkit.paths.registry import make_path
+from labkit.paths.standard import ConstantVolume
+from labkit.servo.plan import prescribed_gradient
 
 PATHS: dict[str, dict[str, object]] = {
     "cv": {},
@@ -94,6 +98,25 @@ def cases(some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
                 yield law, path, ranks[turn : turn + 1] if some else ranks
 
 
+def speed(state: State, steps: int, rounds: int) -> None:
+    """Print the time of a step in CV shear on threads and ranks of two cores, measured alternately.
+
+    The least of many short measurements is nearly that of a quiet computer; the ratio to one thread is of these.
+    """
+    devices = {"1 thread": lk.Fused(), "2 threads": lk.Fused(threads=2), "2 ranks": lk.Fused(ranks=2)}
+    engines = {name: device(state) for name, device in devices.items()}
+    gradient = prescribed_gradient(ConstantVolume(RATE), state.time_step)
+    seconds: dict[str, list[float]] = {name: [] for name in engines}
+    for _ in range(rounds):
+        for name, engine in engines.items():
+            begin = time.perf_counter()
+            engine.advance(steps, gradient)
+            seconds[name].append((time.perf_counter() - begin) / steps)
+    for name, values in seconds.items():
+        least, single = min(values), min(seconds["1 thread"])
+        print(f"{state.number_of_grains} grains, {name:10} {1e3 * least:8.3f} ms, {single / least:.2f} times 1 thread")
+
+
 def main() -> None:
     """Compare, and print one line for each run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -102,9 +125,12 @@ def main() -> None:
     parser.add_argument("--ranks", nargs="+", default=["2", "3", "4", "2x2"])
     parser.add_argument("--steps", type=int, default=300, help="time steps of a run")
     parser.add_argument("--some", action="store_true", help="each law on one path and one number of ranks")
+    parser.add_argument("--speed", type=int, metavar="ROUNDS", help="measure the time of a step instead")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     specimen, wrong = copies(lk.read_state(asked.specimen), asked.copies), 0
+    if asked.speed:
+        return speed(specimen, asked.steps, asked.speed)
     with tempfile.TemporaryDirectory() as place:
         for law, name, numbers in cases(asked.some, asked.ranks):
             state = shaken(under(law, specimen), seed=1)

@@ -38,6 +38,7 @@ ADDS = {
     "plugins.calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
     "plugins.densities": (["density"], [], [], ["density_limits", "specimen_at"]),
     "plugins.pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),
+    "plugins.page": (["page"], [], [], []),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names
 DEMO = """

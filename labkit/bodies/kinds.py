@@ -14,12 +14,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Hashable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from labkit.files.hashes import values_of
 from labkit.files.schema import BODIES, Spheres, Variable, kind_of_bodies
+from labkit.parameters import Field
 
 if TYPE_CHECKING:
     import netCDF4
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind", bound="Clumps")
 
 
-def _variable(role: str, dimensions: str, units: str, long_name: str, dtype: str = "f8") -> Any:
+def _variable(role: str, dimensions: str, units: str, long_name: str, dtype: str = "f8") -> Field:
     row = Variable("", tuple(dimensions.split()), dtype, units, long_name)
     return dataclasses.field(metadata={"role": role, "row": row})
 

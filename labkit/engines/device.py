@@ -75,12 +75,22 @@ class Device:
 
     def drive(self, run: Generator[Request, Answer, Result]) -> Result:
         """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""
+        requests = self.carry_out(run)
+        while True:
+            try:
+                next(requests)
+            except StopIteration as end:
+                return end.value
+
+    def carry_out(self, run: Generator[Request, Answer, Result]) -> Generator[None, None, Result]:
+        """Carry out a run as `drive` does, but yield before each request, so that the caller may pause or end it."""
         engine: Engine | None = None
         owner = os.getpid()
         try:
             request = next(run)
             while True:
                 try:
+                    yield
                     require_owner(owner)
                     if engine is None:
                         assert isinstance(request, Load), "a run begins with Load"

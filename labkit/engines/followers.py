@@ -13,6 +13,7 @@ import contextlib
 import hashlib
 import os
 import pickle
+import re
 import shlex
 import shutil
 import signal
@@ -213,7 +214,7 @@ def _printed(output: IO[bytes] | None) -> bytes:
 
 def _ending(process: subprocess.Popen[bytes], output: IO[bytes] | None) -> ProgramError:
     """Return the error that says how the followers ended, with the last line that they printed."""
-    lines = [line for line in _printed(output).decode(errors="replace").splitlines() if line.strip()]
+    lines = [line for line in _printed(output).decode(errors="replace").splitlines() if re.search(r"\w", line)]
     telling = [line for line in lines if "EXIT STRING" in line] or lines[-1:]  # MPICH's output ends with advice
     said = f", their last line: {telling[-1].strip()}" if telling and telling[-1] != READY else ""
     return ProgramError(f"the other ranks ended with exit status {process.returncode}{said}; {RESUME}")
@@ -255,10 +256,13 @@ def start_followers(size: int, threads: int) -> Ranks:
 
     try:
         wait_for_program("the other ranks", SILENCE, hear)
-    except BaseException:
+        connection = mpi.COMM_SELF.Accept(port)
+    except BaseException as error:
         process.kill()
-        raise
-    ranks = _join(mpi.COMM_SELF.Accept(port), process, output)
+        if not isinstance(error, mpi.Exception):
+            raise
+        raise InputError(f"the MPI library {mpi.get_vendor()[0]} does not connect programs: use MPICH") from None
+    ranks = _join(connection, process, output)
     mpi.Close_port(port)
     atexit.register(_finalize)
     if ranks.size != size:

@@ -22,6 +22,7 @@ from labkit.errors import printable
 from labkit.files.writable import stem
 from labkit.results.endings import LABORATORY
 
+Panels: TypeAlias = Any  # Axes, or an array of Axes
 Style: TypeAlias = Any  # a line style, or keyword arguments of matplotlib
 WIDTH = 10.0  # inches
 DPI = 150
@@ -45,7 +46,7 @@ class Drawing(Figure):
         self.savefig(buffer, format="png")
         return buffer.getvalue()
 
-    def panels(self, rows: int, columns: int, **options: Any) -> Any:
+    def panels(self, rows: int, columns: int, **options: Style) -> Panels:
         """Add one or an array of Axes with a faint grid; `options` are passed to Figure.subplots."""
         panels = self.subplots(rows, columns, **options)
         for axes in np.ravel(panels):
@@ -60,7 +61,9 @@ class Drawing(Figure):
         )
 
 
-def new_panels(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Drawing, Any]:
+def new_panels(
+    rows: int, columns: int, height: float, width: float = WIDTH, **options: object
+) -> tuple[Drawing, Panels]:
     """Return a figure and its Axes with a faint grid; sizes are in inches, `options` are passed to Figure.subplots."""
     figure = new_figure(width, height)
     return figure, figure.panels(rows, columns, **options)

@@ -59,7 +59,8 @@ class LibraryLock:
         OWN.release()
 
     def __enter__(self) -> None:
-        import netCDF4 as netCDF4  # whose cache the lock sets
+        with contextlib.suppress(ImportError):  # a browser has no such library
+            import netCDF4 as netCDF4  # whose cache the lock sets
 
         self.acquire()
 
@@ -85,7 +86,7 @@ def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
                 return None
             taken.callback(theirs.release)
         netcdf = sys.modules.get("netCDF4")
-        if hasattr(netcdf, "set_chunk_cache"):  # a fork needs the lock, but not the library
+        if netcdf is not None and hasattr(netcdf, "set_chunk_cache"):  # a fork needs the lock, but not the library
             taken.callback(netcdf.set_chunk_cache, *netcdf.get_chunk_cache())
             netcdf.set_chunk_cache(CHUNK_CACHE)
         return taken.pop_all()

@@ -13,7 +13,6 @@ import contextlib
 import functools
 import os
 import shutil
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -24,6 +23,7 @@ from labkit.errors import InputError, notice
 from labkit.files.atomic import reserve, whole_file
 from labkit.files.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
 from labkit.files.library import LIBRARY
+from labkit.files.opening import dataset_at, require_name
 from labkit.files.schema import AXES, SIZES, TIME, Variable, require_schema
 from labkit.parameters import Values
 
@@ -95,30 +95,6 @@ def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
             with contextlib.suppress(DamagedVariable):
                 right["the data of this file"] = data_sha256(dataset) == stored
     return [(item, "same" if same else "differs") for item, same in right.items()]
-
-
-def dataset_at(path: str | os.PathLike[str], mode: Literal["r", "w", "a"] = "r") -> netCDF4.Dataset:
-    """Open exactly this file: the netCDF library changes some relative names, such as ` x.nc` and `c:/x.nc`.
-
-    Raises InputError for a name that it changes even in an absolute path.
-    """
-    import netCDF4
-
-    require_name(path)
-    return netCDF4.Dataset(os.path.abspath(path), mode)
-
-
-def require_name(path: str | os.PathLike[str]) -> None:
-    """Raise InputError for a file name that the netCDF library cannot handle, or takes for another name."""
-    if os.sep != "\\" and "\\" in os.path.abspath(path):
-        raise InputError(
-            f"{path} has a backslash in its path, which netCDF takes for `/`: rename the file or the folder"
-        )
-    try:
-        os.fspath(path).encode(sys.getfilesystemencoding())
-    except UnicodeEncodeError:
-        shown = os.fspath(path).encode("ascii", "backslashreplace").decode()
-        raise InputError(f"the file name {shown} is not {sys.getfilesystemencoding()} text: rename the file") from None
 
 
 def kind_in_words(kind: str | None) -> str:

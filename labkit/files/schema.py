@@ -11,7 +11,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -141,10 +141,11 @@ class Spheres:
 
 # Kinds of bodies made of several grains, by the variable that identifies the kind. Their variables are `table` in a
 # state and `of_run` in the group `grains` of a run. Each kind registers itself here (labkit.bodies.kinds).
-BODIES: dict[str, Any] = {}
+BodyKind: TypeAlias = Any  # a class of labkit.bodies, in a room above
+BODIES: dict[str, BodyKind] = {}
 
 
-def kind_of_bodies(names: Container[object]) -> Any:
+def kind_of_bodies(names: Container[object]) -> BodyKind:
     """Return the kind of the bodies in a file with variables of these names: one of BODIES, or Spheres."""
     return next((BODIES[name] for name in reversed(BODIES) if name in names), Spheres)
 

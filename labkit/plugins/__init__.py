@@ -24,6 +24,7 @@ PLUGINS = (
     "plugins.calibration",
     "plugins.densities",
     "plugins.pictures",
+    "plugins.page",
     "engines.lammps",
 )
 

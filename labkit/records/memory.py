@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping
 
 import numpy as np
 
 from labkit.files.hashes import NOTE, sha256_of_groups
+from labkit.files.netcdf import new_netcdf, set_hashes
 from labkit.files.schema import CONTACTS, SIZES, Variable
 from labkit.grains.state import State
-from labkit.records.recorder import Recordings, constants_of, table_of_grains
+from labkit.records.checkpoint import Checkpoint, write_checkpoint
+from labkit.records.recorder import MARGIN
+from labkit.records.recordings import Recordings, append_records, constants_of, create_run, table_of_grains
 
 Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and values by group ("" for the root) and name
 
@@ -19,14 +23,29 @@ Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and valu
 class RunInMemory:
     """The records of a run without a file, up to its last checkpoint.
 
-    `state` is the State of this checkpoint, None before the first checkpoint. `table` and `attributes` are the record
-    table and the attributes that a file of this run would have.
+    `point` is this Checkpoint, None before the first one. `table` and `attributes` are the record table and the
+    attributes that a file of this run would have.
     """
 
     recordings: Recordings = dataclasses.field(default_factory=Recordings)
-    state: State | None = None
+    point: Checkpoint | None = None
     table: Mapping[str, Variable] = dataclasses.field(default_factory=dict)
     attributes: dict[str, object] = dataclasses.field(default_factory=dict)
+
+    @property
+    def state(self) -> State | None:
+        """The State of the last checkpoint."""
+        return None if self.point is None else self.point.state
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the run file of a run that has begun. Raises OSError."""
+        assert self.point is not None
+        with new_netcdf(path, MARGIN + self.recordings.bytes + self.point.state.nbytes) as dataset:
+            create_run(dataset, self.table, self.point.state)
+            append_records(dataset, self.table, self.recordings)
+            dataset.setncatts(self.attributes)
+            write_checkpoint(dataset, self.point)
+            set_hashes(dataset, self.point.complete)
 
     def contents(self) -> tuple[dict[str, object], Groups]:
         """Return the attributes, including hashes, and the variables that a file of this run would have."""

@@ -12,7 +12,7 @@ import dataclasses
 import errno
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,8 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.extensions import is_labkits
-from labkit.files.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.files.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
+from labkit.files.netcdf import damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
+from labkit.files.schema import BY_VOLUME, ECCENTRICITY, LOSSES, Variable
 from labkit.files.writer import Writer
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
@@ -34,76 +34,15 @@ from labkit.quantities.recorded import record_table
 from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
 from labkit.records.identity import differences
 from labkit.records.ratcheting import Ratcheting
+from labkit.records.recordings import Recordings, append_records, create_run
 
 if TYPE_CHECKING:
     import netCDF4
 
     from labkit.records.memory import RunInMemory
 
-RECORD_BYTES = 1_000  # approximate size of one record
 MOST_UNSAVED = 500_000_000  # largest number of bytes of unsaved snapshots
 MARGIN = 900_000  # bytes by which a file may exceed its data: partly filled chunks, HDF5 tables
-
-
-@dataclasses.dataclass
-class Recordings:
-    """Records (index -> values), and snapshots as pairs (index of the record, Snapshot)."""
-
-    records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
-    snapshots: list[tuple[int, Snapshot]] = dataclasses.field(default_factory=list)
-
-    @property
-    def bytes(self) -> int:
-        """Approximate number of bytes in memory."""
-        snapshots = sum(
-            24 * len(snapshot.spheres.radius) + 120 * len(snapshot.contacts) for _, snapshot in self.snapshots
-        )
-        return snapshots + RECORD_BYTES * len(self.records)
-
-    def extend(self, later: Recordings) -> None:
-        """Add later records and snapshots; a record with the same index replaces the earlier one."""
-        self.records |= later.records
-        self.snapshots += later.snapshots
-
-    def variables(self, table: Mapping[str, Variable]) -> Iterator[tuple[str, Variable, np.ndarray]]:
-        """Yield (group of a run file, variable, values); `table` lists the variables of a record.
-
-        Records are in the root group, "". The contacts of all snapshots follow one another.
-        """
-        for variable in table.values() if self.records else ():
-            values = [record[variable.name] for record in self.records.values()]
-            yield "", variable, np.array(values).astype(variable.dtype, copy=False)
-        if not self.snapshots:
-            return
-        spheres = [snapshot.spheres for _, snapshot in self.snapshots]
-        contacts = [part.contacts for part in spheres]
-        yield "contacts", CONTACTS["record"], np.array([number for number, _ in self.snapshots], np.int32)
-        yield "contacts", CONTACTS["row_size"], np.array([len(listed) for listed in contacts], np.int32)
-        yield (
-            "contacts",
-            CONTACTS["contact_grain"],
-            np.concatenate([listed.grain for listed in contacts], dtype=np.int32),
-        )
-        for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
-            yield "contacts", CONTACTS[name], np.concatenate([getattr(listed, name) for listed in contacts])
-        for name in contacts[0].columns:
-            yield "contacts", HISTORY[name], np.concatenate([listed.columns[name] for listed in contacts])
-        yield "grains", GRAINS["position"], np.array([grains.position for grains in spheres])
-        bodies = [snapshot.clumps for _, snapshot in self.snapshots]
-        for name, row in bodies[0].of_run.items() if bodies[0] is not None else ():
-            if "snapshot" in row.dimensions:
-                yield "grains", row, np.stack([getattr(clumps, name) for clumps in bodies])
-
-
-def table_of_grains(state: State) -> dict[str, Variable]:
-    """Return the variables in the group `grains` of a run file, for the kind of grains in a State."""
-    return GRAINS if state.bodies is None else GRAINS | state.bodies.of_run
-
-
-def constants_of(state: State) -> dict[str, np.ndarray]:
-    """Return the values of the variables in `table_of_grains` that do not change during a run."""
-    rows, values = table_of_grains(state), state.arrays
-    return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -247,7 +186,8 @@ class Recorder:
     def _append_to_memory(self, memory: RunInMemory, point: Checkpoint, unsaved: Recordings) -> None:
         memory.recordings.extend(unsaved)
         memory.table, memory.attributes = self.table, self._identity | self._attributes(point)
-        memory.state = point.state.replace(history=memory.attributes["history"])
+        state = point.state.replace(history=memory.attributes["history"])
+        memory.point = dataclasses.replace(point, state=state)
 
     def _append_to_file(self, point: Checkpoint, unsaved: Recordings) -> None:
         assert isinstance(self.output, Path)
@@ -255,41 +195,22 @@ class Recorder:
         space = MARGIN + unsaved.bytes + point.state.nbytes
         with extend_netcdf(self.output, space) if exists else new_netcdf(self.output, space) as dataset:
             if not exists:
-                self._create(dataset, point.state)
-            self._append(dataset, unsaved)
+                create_run(dataset, self.table, point.state)
+                dataset.setncatts(self._identity)
+            append_records(dataset, self.table, unsaved)
             dataset.setncatts(self._attributes(point))
             write_checkpoint(dataset, point)
             set_hashes(dataset, point.complete)
 
     @property
-    def _identity(self) -> dict[str, Any]:
+    def _identity(self) -> dict[str, object]:
         """Return the attributes of a run file that identify the run."""
         begun = {"undrained_before": np.array(self.undrained_before or (0.0,) * 9)}
         return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen, **begun}
 
-    def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
-        dataset.setncatts(self._identity)
-        create_variables(dataset, self.table, {}, compressed=False)
-        dataset.createDimension("snapshot", None)
-        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
-        create_variables(dataset.createGroup("grains"), table_of_grains(state), state.sizes)
-        for name, values in constants_of(state).items():
-            dataset["grains"][name][:] = values
-
     def parameters(self) -> str:
         """Return the path parameters and the settings as JSON, for the attribute `path_parameters`."""
         return json.dumps({**dataclasses.asdict(self.path), **self.settings})
-
-    def _append(self, dataset: netCDF4.Dataset, unsaved: Recordings) -> None:
-        snapshots, contacts = (
-            len(dimension) for dimension in (dataset.dimensions["snapshot"], dataset["contacts"].dimensions["contact"])
-        )
-        starts = {"time": min(unsaved.records, default=0), "snapshot": snapshots, "contact": contacts}
-        for name, variable, values in unsaved.variables(self.table):
-            group, start = dataset[name] if name else dataset, starts[variable.dimensions[0]]
-            if variable.name not in group.variables:  # further history of contacts, which most laws lack
-                create_variables(group, {variable.name: variable}, {})
-            group[variable.name][start : start + len(values)] = values
 
     def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
         """Raise InputError unless the unfinished run in the file has the same variables as this run."""

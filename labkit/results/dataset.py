@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, BinaryIO, cast
 
-import netCDF4
 import numpy as np
 import xarray as xr
 from xarray.backends import CachingFileManager, NetCDF4DataStore
@@ -15,6 +14,7 @@ from xarray.backends import CachingFileManager, NetCDF4DataStore
 from labkit.errors import InputError, require_file_name, require_type
 from labkit.files.library import LIBRARY
 from labkit.files.netcdf import labkit_kind, name_damage, open_netcdf, storage
+from labkit.files.opening import dataset_at
 from labkit.files.schema import EPOCH, RECORD, SIZES
 from labkit.files.writable import stem
 from labkit.grains.scene import Scene
@@ -40,13 +40,24 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
     with LIBRARY, name_damage(path):
-        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # cast: its `close` returns a value
-        file = CachingFileManager(open_file, os.path.abspath(path), mode="r", lock=LIBRARY)
-        stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
-        run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
+        file = _file(path)
+        run = _join(
+            [xr.open_dataset(_store(file, group), decode_times=False) for group in (None, "contacts", "grains")]
+        )
     run.encoding["source"] = str(path)
     run.set_close(file.close)
     return run
+
+
+def _file(path: str | os.PathLike[str]) -> CachingFileManager:
+    """Return a file that xarray opens when it is needed."""
+    open_file = cast(Callable[..., BinaryIO], dataset_at)  # cast: its `close` returns a value
+    return CachingFileManager(open_file, os.path.abspath(path), mode="r", lock=LIBRARY)
+
+
+def _store(file: CachingFileManager, group: str | None = None) -> NetCDF4DataStore:
+    """Return a group of a file for xarray."""
+    return NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY)
 
 
 def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
@@ -94,7 +105,7 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
         pass
     with name_damage(path):
         with LIBRARY:
-            records = xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_cf=False, cache=False)
+            records = xr.open_dataset(_store(_file(path)), decode_cf=False, cache=False)
         with records:
             yield records
 
@@ -175,7 +186,7 @@ def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
     with open_netcdf(path, kind):
         pass
     with LIBRARY, name_damage(path):
-        return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
+        return with_axes(xr.open_dataset(_store(_file(path)), decode_times=False))
 
 
 def snapshots(file: str | os.PathLike, numbers: Iterable[int] | None = None) -> Iterator[Snapshot]:

@@ -56,9 +56,8 @@ class RunFigure(Generic[Arguments]):
                 problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {allowed}"
                 raise InputError(problem, field=option, value=value)
         if self.needs == "snapshots":
-            chosen: Any = named.get("snapshot", -1)
             run: Any = arguments[0]
-            run.lab.require_snapshots([chosen], ", or draw the figure shares")
+            run.lab.require_snapshots([named.get("snapshot", -1)], ", or draw the figure shares")
         return self.function(*arguments, **named)
 
 
@@ -81,6 +80,7 @@ FIGURES = Registry[RunFigure[...]](
         "rotation": "labkit.figures.path_figures:rotation_response",
         "compression": "labkit.figures.path_figures:compression",
         "cycles": "labkit.figures.path_figures:cycles",
+        "liquefaction": "labkit.figures.liquefaction_figure:cyclic_resistance",
     },
 )
 

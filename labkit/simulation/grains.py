@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Generator
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -129,7 +129,7 @@ class Grains(Material):
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.clock.halt_early()
-                state: Any = yield lambda engine: engine.state()
+                state: Answer = yield lambda engine: engine.state()
                 self.interrupt(state)
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None

@@ -19,7 +19,6 @@ import os
 import time
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,7 @@ from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import correcting_of, corrections_of
-from labkit.specimens.ready import ready
+from labkit.specimens.ready import Answer, ready
 
 TOLERANCE = 1e-3  # largest error of each held stress, relative to its target (see stress_error)
 UNBALANCED = 1e-3
@@ -115,7 +114,7 @@ def approach(
     interim: File | None,
     signals: Signals,
     unbalanced: float = UNBALANCED,
-) -> Generator[Request, Any, State]:
+) -> Generator[Request, Answer, State]:
     """Yield the requests of `bring_to` to the engine named `engine` (labkit.engines.base); stops at a signal.
 
     The grains are at rest when their unbalanced force is below `unbalanced`.
@@ -150,7 +149,7 @@ def approach(
 
 def advance_along(
     step: Step, rate: float, state: State, snapshot: Snapshot, steps: int, follows: bool
-) -> Generator[Request, Any, None]:
+) -> Generator[Request, Answer, None]:
     """Yield the requests that advance a state by at least one interval of the servo along a step that holds stresses.
 
     Args:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from typing import Any
 
 from labkit.engines.base import Load, Request
 from labkit.engines.device import Device
@@ -22,7 +21,7 @@ from labkit.paths.standard import Consolidation, ConstantMeanStress
 from labkit.paths.step import Here
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.specimens.consolidation import advance_along
-from labkit.specimens.ready import ready
+from labkit.specimens.ready import Answer, ready
 
 SIGNS = {"pre-compressed": 1, "pre-extended": -1}  # fabric of a recipe -> sign of the axial strain
 STRAIN = 0.05  # axial strain of the shear
@@ -44,7 +43,7 @@ def shear_and_return(specimen: State, sign: int, at: Consolidation, device: Devi
     return device.drive(_requests(specimen, sign, at.held_pressure))
 
 
-def _requests(specimen: State, sign: int, pressure: float) -> Generator[Request, Any, State]:
+def _requests(specimen: State, sign: int, pressure: float) -> Generator[Request, Answer, State]:
     """Yield the requests of `shear_and_return` to an engine."""
     state = open_ledger((yield from ready(specimen.at_rest())))
     abilities = yield Load(state)

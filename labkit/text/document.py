@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from labkit.errors import InputError, nearest
 from labkit.parameters import Parameter, Values
@@ -217,7 +217,7 @@ class Fields:
         """Return True if the field is given, valid or not."""
         return name in self.values or name in self.broken
 
-    def values_of(self, name: str) -> list[Any]:
+    def values_of(self, name: str) -> list[str]:
         """Return the values of a field as a list, which is empty if the field is missing or broken."""
         value = self.values.get(name, [])
         return value if isinstance(value, list) else [value]

@@ -1,6 +1,7 @@
 """The fused engine on MPI ranks: the bits of one thread, and the end of ranks that are killed or cannot start."""
 
 import os
+import platform
 import shlex
 import shutil
 import signal
@@ -12,6 +13,7 @@ import pytest
 import labkit as lk
 from benchmarks.ranks import differences
 from labkit.engines import followers
+from labkit.errors import InputError
 from tests.conftest import PATIENCE, ROOT, wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]
@@ -27,7 +29,12 @@ labkit.engines.kernel.packing.GRAINS_PER_DOMAIN = 64
 @pytest.fixture(scope="module")
 def small_domains(tmp_path_factory):
     """The environment of processes in which a few hundred grains have several domains."""
-    pytest.importorskip("mpi4py", reason="needs MPI: the extra `lammps`", exc_type=ImportError)
+    pytest.importorskip("mpi4py", reason="needs MPI: the extra `lammps`")
+    vendor = subprocess.run(
+        [sys.executable, "-c", "from mpi4py import MPI; print(MPI.get_vendor()[0])"], capture_output=True, text=True
+    )
+    if vendor.stdout.strip() != "MPICH":
+        pytest.skip(f"needs MPICH, not {vendor.stdout.strip() or vendor.stderr[-80:]}")
     folder = tmp_path_factory.mktemp("ranks")
     (folder / "sitecustomize.py").write_text(SMALL_DOMAINS)
     return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (folder, ROOT)))}
@@ -86,6 +93,44 @@ def test_no_process_is_left_and_the_run_is_resumed_on_other_ranks(victim, specim
     assert differences(one, file)[1] == []
 
 
+BROKEN = """\
+import sys
+if "labkit.engines.followers" in sys.orig_argv:
+    import labkit.engines.kernel.exchange as exchange
+    counted = iter(range(10**9))
+    moved = exchange.Exchange.moved
+    def moved_and_broken(self):
+        if next(counted) == 20:
+            raise MemoryError("no room")
+        moved(self)
+    exchange.Exchange.moved = moved_and_broken
+"""  # what Python executes at the start of each rank, for an error on a follower alone
+
+
+def test_an_error_on_one_rank_ends_the_run_with_its_sentence(specimen, small_domains, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(SMALL_DOMAINS + BROKEN)
+    environment = {**small_domains, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path, ROOT)))}
+    words = command(specimen, tmp_path / "r.run.nc", "--ranks", 2)
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 1, done.stderr
+    assert "rank 1: MemoryError: no room; give the same command to resume a run" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_ranks_at_a_checkpoint(number, specimen, small_domains, tmp_path):
+    file = tmp_path / "r.run.nc"
+    words = command(specimen, file, "--ranks", 2)
+    run = subprocess.Popen(words, env=small_domains, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    wait_until(file.exists, run)
+    ranks = followers_of(run)
+    for process in (*ranks, run.pid):  # as Ctrl-C in a terminal, or `scancel`, for all of them
+        os.kill(process, number)
+    said = run.communicate(timeout=PATIENCE)[1]
+    assert run.returncode == 128 + number, said
+    wait_until(lambda: not any(os.path.exists(f"/proc/{number}") for number in ranks))
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names a processor of this kind")
 def test_processors_with_other_code_are_told_apart(specimen, small_domains, tmp_path):
     launcher = shutil.which(followers.LOCAL) or shutil.which("mpiexec")
     other = shlex.join(["env", "NUMBA_CPU_NAME=x86-64-v3", "NUMBA_CPU_FEATURES=", launcher])
@@ -106,3 +151,29 @@ def test_more_ranks_than_cores_or_domains_are_refused(ranks, threads, problem, s
     done = subprocess.run(words, env=small_domains, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 2 and f"--ranks {ranks}" in done.stderr and problem in done.stderr, done.stderr
     assert len(done.stderr.strip().splitlines()) <= 2 and not (tmp_path / "r.run.nc").exists()
+
+
+def test_without_mpi4py_the_user_is_told_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mpi4py", None)
+    monkeypatch.setenv("UCX_TLS", "shm,self")
+    with pytest.raises(InputError, match=r"MPI ranks need mpi4py: .* -m pip install "):
+        followers.mpi_library()
+
+
+def test_without_mpiexec_the_user_is_told_what_to_install(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    monkeypatch.delenv(followers.LAUNCHER, raising=False)
+    with pytest.raises(InputError, match=r"mpiexec is not on the PATH: install it with .* pip install "):
+        followers.launcher()
+
+
+def test_clumps_are_refused_on_ranks():
+    with pytest.raises(InputError, match=r"ranks 2 cannot share clumps.*give threads instead"):
+        lk.Fused(ranks=2).require_grains(clumps=True)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, "2", True])
+def test_a_number_of_ranks_is_a_whole_number(wrong):
+    with pytest.raises(InputError, match=r"^ranks .*whole number of at least 1"):
+        lk.Fused(ranks=wrong)

@@ -10,6 +10,7 @@ import operator
 from typing import Any, NamedTuple, SupportsIndex
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class _Components(NamedTuple):
@@ -116,7 +117,7 @@ def inverse_root_single(x: float) -> float:
     return y + y * (0.5 - half * y * y)
 
 
-def choose(condition: Any, one: Any, other: Any) -> Any:
+def choose(condition: ArrayLike, one: ArrayLike, other: ArrayLike) -> Any:
     """Return `one` where a condition holds and `other` elsewhere, for numbers and arrays."""
     return np.where(condition, one, other)
 

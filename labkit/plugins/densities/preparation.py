@@ -45,9 +45,9 @@ class DensityLimits:
 
     def relative_density(self, void_ratio: float | str) -> float:
         """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min. Raises InputError above e = 3."""
-        void_ratio = Parameter("void_ratio", low=0.0, high=LOOSEST).read(void_ratio)
+        e: float = Parameter("void_ratio", low=0.0, high=LOOSEST).read(void_ratio)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
-        return (high - void_ratio) / (high - low)
+        return (high - e) / (high - low)
 
     def interval(self, relative_density: float) -> float:
         """Return the half-width of the 95 % interval of a relative density, from the scatter of e_min and e_max."""
@@ -73,9 +73,9 @@ class DensityLimits:
 
         Raises InputError outside -0.5 to 1.5: a material may be denser or looser than the protocol makes it.
         """
-        relative_density = Parameter("relative_density", low=-0.5, high=1.5).read(relative_density)
+        density: float = Parameter("relative_density", low=-0.5, high=1.5).read(relative_density)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
-        return high - relative_density * (high - low)
+        return high - density * (high - low)
 
 
 def half_width(values: np.ndarray) -> float:

@@ -16,19 +16,14 @@ from matplotlib.figure import Figure
 
 from labkit.figures.frame import new_figure, plain
 from labkit.micro.cells import cell_corners
-from labkit.micro.contact_sides import normalised_normal_force
-from labkit.micro.grains import mean_per_grain, over_mean
-from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
-from labkit.micro.stress import equivalent_stress, mean_stress
-from labkit.plugins.pictures.render import canvas, draw_spheres, draw_sticks, haze, shade, view_from
+from labkit.micro.snapshot import Snapshot
+from labkit.plugins.pictures.frames import EDGES, STICK, VIEW, caption, contact_ratio, grain_ratio
+from labkit.plugins.pictures.render import canvas, draw_spheres, draw_sticks, haze, shade
 
-VIEW = view_from(azimuth=30.0, elevation=20.0)
 COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps, and their upper end: ratio to the mean
 RATTLER = (0.62, 0.72, 0.80)
-STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
 WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
 PANEL, PIXELS = 5.2, 780  # width of a panel, inches, and of its image, pixels
-EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 
 
 def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
@@ -62,14 +57,13 @@ def images(snapshot: Snapshot, low: np.ndarray, high: np.ndarray) -> tuple[np.nd
 
     `low` and `high` (2,) are the corners of the drawn part of the view, m from the centre of the cell.
     """
-    normalised, colors, snapshot = normalised_normal_force(snapshot), grain_colors(snapshot), snapshot.spheres
+    of_contacts, colors, snapshot = contact_ratio(snapshot), grain_colors(snapshot), snapshot.spheres
     centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
     low, high = low + centre, high + centre
     mean = 2.0 * snapshot.radius.mean()
     corners = cell_corners(snapshot.cell)
     edges = np.array([corners[list(edge)] for edge in EDGES])
     ends = snapshot.contact_ends()
-    of_contacts = over_mean(normalised.mean(axis=1), np.abs(normalised))
     grains = canvas(VIEW, low, high, PIXELS)
     draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, colors)
     network = canvas(VIEW, low, high, PIXELS)
@@ -81,24 +75,9 @@ def images(snapshot: Snapshot, low: np.ndarray, high: np.ndarray) -> tuple[np.nd
 
 
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
-    """Return colours (sphere, 3) for the mean Lambda_n of each grain divided by the mean over all contact sides.
-
-    All spheres of a clump have the same colour.
-    """
-    normalised = normalised_normal_force(snapshot)
-    colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), np.abs(normalised)))
-    colors = np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
-    return snapshot.of_spheres(colors)
-
-
-def caption(snapshot: Snapshot) -> str:
-    """Describe a snapshot: axial strain, p, the invariant q, and the numbers of grains and contacts."""
-    stress = love_stress(snapshot) / 1e3
-    p, q = mean_stress(stress), equivalent_stress(stress)
-    strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
-    kind = "grains" if snapshot.clumps is None else "clumps"
-    number = f"{len(snapshot.radius)} {kind}, {len(snapshot.contacts)} contacts"
-    return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
+    """Return colours (sphere, 3) for the ratios of the grains; all spheres of a clump have the same colour."""
+    ratio = grain_ratio(snapshot)
+    return np.where(np.isnan(ratio)[:, None], RATTLER, ratio_colors(ratio))
 
 
 def ratio_colors(ratio: np.ndarray) -> np.ndarray:

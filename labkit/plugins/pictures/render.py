@@ -38,14 +38,6 @@ class Canvas:
     color: np.ndarray
 
 
-def view_from(azimuth: float, elevation: float) -> np.ndarray:
-    """Return the view (3, 3) from an azimuth, degrees from x about z, and an elevation, degrees above the x-y plane."""
-    a, b = np.radians([azimuth, elevation])
-    toward = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    return np.stack([right, np.cross(toward, right), toward])
-
-
 def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> Canvas:
     """Return an empty Canvas, `width` pixels wide, from `low` to `high` (2,): coordinates to the right and up."""
     pixel = (high[0] - low[0]) / (FINE * width)

@@ -1,12 +1,11 @@
 """An HTML page that shows grains and force chains in 3D, with a slider over the snapshots of a run.
 
-The page is made from viewer.html. It contains its data and programs (WebGL 2) and needs no network. Colours are the
-same as in labkit.plugins.pictures.picture.
+The page is made from viewer.html. It contains its data and programs (WebGL 2) and needs no network. Colours are
+three of those in labkit.plugins.pictures.picture, and mixtures of them.
 """
 
 from __future__ import annotations
 
-import base64
 import html
 import json
 import os
@@ -20,16 +19,13 @@ from labkit.errors import InputError
 from labkit.files.atomic import write_text
 from labkit.files.writable import require_writable
 from labkit.grains.state import State
-from labkit.micro.cells import cell_corners
-from labkit.micro.contact_sides import normalised_normal_force
-from labkit.micro.grains import over_mean
 from labkit.micro.snapshot import Snapshot
-from labkit.plugins.pictures.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_colors, ratio_colors
+from labkit.plugins.pictures.frames import Frames
+from labkit.plugins.pictures.picture import RATTLER, ratio_colors
 from labkit.results.run import Run
 
 PAGE = Path(__file__).with_suffix(".html")
 MOST = 50_000_000  # bytes of a page: browsers become slow beyond it
-STEPS = 2**15 - 1  # positions are 16-bit fractions of the largest one
 
 
 class Viewer:
@@ -68,61 +64,28 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
     size = sum(14 * len(snapshot.spheres.radius) + 21 * len(snapshot.contacts) for snapshot in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
-    far = max(
-        np.linalg.norm(_from_centre(snapshot, cell_corners(snapshot.cell)), axis=1).max() for snapshot in snapshots
-    )
-    far += 4.0 * max(
-        snapshot.radius.max() for snapshot in snapshots
-    )  # room for grains and contacts that extend beyond the faces
-    radius = snapshots[0].spheres.radius
+    frames = Frames(snapshots)
+    data = {**frames.common(), "snapshots": [frames.frame(snapshot) for snapshot in snapshots]}
+    return _filled(data, title, any((snapshot.contacts.normal_force < 0.0).any() for snapshot in snapshots))
+
+
+def empty_page(title: str) -> str:
+    """Return a page without snapshots; a window that contains it sends them as messages (see viewer.html)."""
+    return _filled({"snapshots": []}, title, tension=True)
+
+
+def _filled(data: dict[str, object], title: str, tension: bool) -> str:
+    """Return the page with its data; `tension` says whether it explains the colour of tension."""
     low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours would not show on white
-    pull = ratio_colors(np.array([-1.5]))[0]
-    data: dict[str, object] = {
-        "grains": len(radius),
-        "radius": _text(radius / far, "<f4"),
-        "extent": 1.0,
-        "width": STICK * 2.0 * radius.mean() / far,
-        "view": VIEW.T.ravel().tolist(),
-        "colors": {"low": low, "middle": middle, "high": high, "tension": pull.tolist()},
-        "snapshots": [_data(snapshot, far) for snapshot in snapshots],
-    }
+    pull = ratio_colors(np.array([-1.5]))[0].tolist()
+    data["colors"] = {"low": low, "middle": middle, "high": high, "tension": pull, "alone": RATTLER}
     stripes = ", ".join(map(_rgb, (low, middle, high)))
     template = Template(PAGE.read_text(encoding="utf-8"))
     words = {"colors": stripes, "alone": _rgb(RATTLER), "tension": _rgb(pull)}
-    words["pulls"] = "" if any((snapshot.contacts.normal_force < 0.0).any() for snapshot in snapshots) else "hidden"
+    words["pulls"] = "" if tension else "hidden"
     return template.substitute(words, title=html.escape(title), data=json.dumps(data, allow_nan=False))
 
 
 def _rgb(color: Iterable[float]) -> str:
     """Return a colour as the page writes it."""
     return "rgb({:.0f} {:.0f} {:.0f})".format(*255 * np.array(color))
-
-
-def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
-    """Return the data of one snapshot, with positions as fractions of `far` from the centre of the cell."""
-    said, colors, normalised = caption(snapshot), grain_colors(snapshot), normalised_normal_force(snapshot)
-    snapshot = snapshot.spheres
-    ends = snapshot.contact_ends()
-    edges, sides = cell_corners(snapshot.cell)[np.array(EDGES)], 1e3 * np.linalg.norm(snapshot.cell, axis=0)
-
-    def fractions(points: np.ndarray) -> str:
-        return _text(np.round(STEPS * np.clip(_from_centre(snapshot, points) / far, -1.0, 1.0)), "<i2")
-
-    return {
-        "caption": f"{said};  cell {' x '.join(f'{side:.3g}' for side in sides)} mm",
-        "axes": (_from_centre(snapshot, np.vstack([np.zeros(3), snapshot.cell.T])) / far).round(4).tolist(),
-        "position": fractions(snapshot.wrapped_position),
-        "color": _text(np.round(255 * colors), "u1"),
-        "contacts": len(snapshot.contacts),
-        "ends": fractions(ends),
-        "ratio": _text(over_mean(normalised.mean(axis=1), np.abs(normalised)), "<f4"),
-        "edges": fractions(edges),
-    }
-
-
-def _from_centre(snapshot: Snapshot, points: np.ndarray) -> np.ndarray:
-    return points - snapshot.cell.sum(axis=1) / 2.0
-
-
-def _text(values: np.ndarray, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()

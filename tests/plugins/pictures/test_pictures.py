@@ -18,6 +18,7 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.plugins.exchange import paraview
 from labkit.plugins.pictures import render
+from labkit.plugins.pictures.frames import view_from
 from labkit.plugins.pictures.picture import draw_grains
 from labkit.results.dataset import snapshots
 
@@ -204,7 +205,7 @@ def test_the_area_and_height_of_a_stick_at_every_tilt_towards_the_viewer(tilt):
 
 
 def test_spheres_behind_the_faces_fade_and_spheres_on_the_faces_do_not():
-    on = render.canvas(render.view_from(30.0, 20.0), (-3.0, -3.0), (3.0, 3.0), 100)
+    on = render.canvas(view_from(30.0, 20.0), (-3.0, -3.0), (3.0, 3.0), 100)
     render.draw_spheres(
         on,
         np.array([[2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]) - [[0.0, 0, 0], [0, 1.0, 0]],

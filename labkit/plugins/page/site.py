@@ -1,0 +1,68 @@
+"""Writes the page as static files, which any web server can offer."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+from labkit.engines.base import silent
+from labkit.engines.browser import build_wheel
+from labkit.engines.host.build import CannotCompile
+from labkit.engines.kernel.machine import hash_files
+from labkit.errors import InputError, notice
+from labkit.files.caches import cache_folder
+from labkit.grains.state_file import write_state
+from labkit.plugins import module_of_plugin
+from labkit.plugins.page.exercises import EXERCISES
+from labkit.plugins.page.form import Choices, offered
+
+STATIC = Path(__file__).parent / "static"
+PYODIDE = "https://cdn.jsdelivr.net/pyodide/v0.27.7/full/"
+PAPER = "https://doi.org/10.1007/s10035-019-0868-8"
+
+
+def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: str = PAPER) -> None:
+    """Write the page into a folder.
+
+    Args:
+        folder: Folder of the page, created if it is missing.
+        wheel: Wheel of labkit for browsers (labkit.engines.browser).
+        pyodide: Folder of Pyodide and NumPy, which is copied into the page (default: the page loads the public one).
+        theory: Address of docs/theory.md as a page, or of the paper.
+    """
+    shutil.copytree(STATIC, folder, dirs_exist_ok=True)
+    shutil.copyfile(wheel, folder / wheel.name)
+    if pyodide is not None:
+        shutil.copytree(pyodide, folder / "pyodide", dirs_exist_ok=True)
+    viewer = module_of_plugin("labkit page", "labkit.plugins.pictures.viewer")
+    (folder / "viewer.html").write_text(viewer.empty_page("Grains and contact forces"), encoding="utf-8")
+    about = {"pyodide": PYODIDE if pyodide is None else "pyodide/", "wheel": wheel.name, "theory": theory}
+    exercises = [dataclasses.asdict(exercise) for exercise in EXERCISES]
+    for exercise, described in zip(EXERCISES, exercises, strict=True):
+        for test, row in zip(exercise.tests, described["tests"], strict=True):
+            row["specimen"] = test.specimen
+            if not (folder / test.specimen).exists():
+                write_state(folder / test.specimen, Choices.of(test.choices).specimen(silent))
+    site = {**about, **offered(), "exercises": exercises}
+    (folder / "page.json").write_text(json.dumps(site), encoding="utf-8")
+
+
+def wheel_for_browsers() -> Path:
+    """Return the wheel of this version of labkit, which is built at the first use and stored. Raises InputError."""
+    package = Path(__file__).parents[2]
+    sources = (file for file in package.rglob("*") if file.suffix in (".py", ".cpp", ".hpp", ".html", ".js", ".css"))
+    folder = cache_folder("page") or Path(tempfile.mkdtemp(prefix="labkit-page-"))
+    folder /= hash_files(sources)[:16]
+    if not (built := sorted(folder.glob("*.whl"))):
+        notice("building labkit for browsers, which takes some minutes, once")
+        try:
+            with tempfile.TemporaryDirectory(prefix="labkit-page-") as scratch:
+                wheel = build_wheel(Path(scratch))
+                folder.mkdir(exist_ok=True)
+                built = [Path(shutil.copy(wheel, folder / "copy")).replace(folder / wheel.name)]
+        except CannotCompile as error:
+            raise InputError(str(error)) from None
+    return built[0]

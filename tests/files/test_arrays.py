@@ -1,0 +1,62 @@
+"""Files without the netCDF library: archives of arrays, with the content, the hashes and the doors of netCDF files."""
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.cli import main
+from labkit.files import arrays
+from labkit.simulation.tasks import RunTask, execute
+
+
+@pytest.fixture(scope="module")
+def run(soft_specimen, tmp_path_factory):
+    """A run in memory, and the same run as an archive and as a netCDF file."""
+    folder = tmp_path_factory.mktemp("arrays")
+    task = RunTask(state=soft_specimen, path=lk.paths.ConstantVolume(strain=0.002), options=lk.Options(snapshots=3))
+    execute(task)
+    for name in ("r.run.npz", "r.run.nc"):
+        task.memory.write(folder / name)
+    return task.memory, folder / "r.run.npz", folder / "r.run.nc"
+
+
+def test_a_run_is_the_same_in_both(run):
+    _, archive, netcdf = run
+    here, there = lk.open_run(archive), lk.open_run(netcdf)
+    assert here.identical(there) and len(here.attrs["data_sha256"]) == 64
+    assert lk.Run.open(archive).state.digest() == lk.Run.open(netcdf).state.digest() == run[0].state.digest()
+    assert main(["info", str(archive)]) == 0
+
+
+def test_numpy_reads_the_arrays(run):
+    with np.load(run[1]) as loaded:
+        np.testing.assert_array_equal(loaded["stress"], lk.open_run(run[2])["stress"])
+        assert loaded["contacts/normal"].shape[1] == 3
+
+
+def test_a_state_is_the_same_in_both(soft_specimen, tmp_path):
+    for name in ("s.state.npz", "s.state.nc"):
+        lk.write_state(tmp_path / name, soft_specimen)
+        assert lk.read_state(tmp_path / name).digest() == soft_specimen.digest()
+    read = arrays.Dataset(tmp_path / "s.state.npz")
+    assert read.ncattrs() and read.variables["position"].dimensions == ("grain", "i")
+    with pytest.raises(lk.InputError, match=r"write_state\('s.state.npz'"):
+        arrays.Dataset(tmp_path / "s.state.nc")
+
+
+def test_damage_is_found(soft_specimen, tmp_path):
+    lk.write_state(tmp_path / "s.state.npz", soft_specimen)
+    whole = (tmp_path / "s.state.npz").read_bytes()
+    for number in (3, 100, len(whole) // 2, len(whole) - 3):
+        (tmp_path / "d.npz").write_bytes(whole[:number] + bytes([whole[number] ^ 1]) + whole[number + 1 :])
+        with pytest.raises(lk.InputError):
+            lk.read_state(tmp_path / "d.npz")
+    for content in (b"PK", whole[:500]):
+        (tmp_path / "d.npz").write_bytes(content)
+        with pytest.raises(lk.InputError):
+            lk.read_state(tmp_path / "d.npz")
+
+
+def test_an_unfinished_run_is_not_extended(run):
+    with pytest.raises(lk.InputError, match="new run"):
+        arrays.Dataset(run[1], "a")
