@@ -49,8 +49,8 @@ def figure_command(
     run: Annotated[
         list[str],
         Option(
-            "run file; several for test, stress_path, pi_plane, shear, rotation, compression and cycles; a probes file "
-            "for envelope"
+            "run file; several for test, stress_path, pi_plane, shear, rotation, compression, cycles and "
+            "liquefaction; a probes file for envelope"
         ),
     ],
     *,

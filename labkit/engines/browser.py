@@ -56,9 +56,9 @@ def files_of(library: Path) -> Iterator[tuple[str, bytes]]:
     yield (build.HERE / library.name).relative_to(PACKAGE.parent).as_posix(), library.read_bytes()
     about = f"labkit-{__version__}.dist-info"
     yield f"{about}/WHEEL", WHEEL.encode()
-    for file in metadata.distribution("labkit").files or []:
-        if file.parent.name == about and file.name not in OF_INSTALLATION:
-            yield file.as_posix(), file.read_binary()
+    for installed in metadata.distribution("labkit").files or []:
+        if installed.parent.name == about and installed.name not in OF_INSTALLATION:
+            yield installed.as_posix(), installed.read_binary()
 
 
 if __name__ == "__main__":

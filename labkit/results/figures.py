@@ -80,6 +80,7 @@ FIGURES = Registry[RunFigure[...]](
         "rotation": "labkit.figures.path_figures:rotation_response",
         "compression": "labkit.figures.path_figures:compression",
         "cycles": "labkit.figures.path_figures:cycles",
+        "liquefaction": "labkit.figures.liquefaction_figure:cyclic_resistance",
     },
 )
 

@@ -75,7 +75,7 @@ def draw(name, runs, run_file):
         return plots.sff_against_love({"cv": cv, "shear": runs["shear"]})
     if name == "test of many":
         return plots.test({f"test {key}": runs[key] for key in ("cv", "model", "measured")})[0]
-    of = {"cycles": "cycles", "shear": "shear"}.get(name, "cv")
+    of = {"cycles": "cycles", "liquefaction": "cycles", "shear": "shear"}.get(name, "cv")
     return FIGURES[name](runs[of], **(DRAWN if name == "records" else {}))[0]
 
 

@@ -7,6 +7,7 @@ import labkit as lk
 from labkit.cli import main
 from labkit.figures import plots
 from labkit.figures.frame import strain_axis
+from labkit.figures.liquefaction_figure import cyclic_resistance
 from labkit.figures.path_figures import cycles, pi_plane, shear, stress_path
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
@@ -159,3 +160,24 @@ def test_the_command_draws_several_runs_and_refuses_what_does_not_fit(shear_file
         assert main(["figure", *words, "-o", str(tmp_path / "x.png")]) == 2
         error = capsys.readouterr().err
         assert said in error and len(error.strip().splitlines()) == 1
+
+
+def test_cyclic_resistance_has_a_point_for_each_test(liquefied):
+    """N and CSR recomputed from the records; a test that met no criterion has an arrow at its last cycle."""
+    short = liquefied.isel(time=slice(0, 12))
+    figure, table = cyclic_resistance({"whole": liquefied, "short": short})
+    stress, N = liquefied["stress"].values, liquefied.lab.cycles().values
+    p = np.trace(stress, axis1=1, axis2=2) / 3.0
+    first = np.flatnonzero(1.0 - p / p[0] > 0.95)
+    assert table["CSR"].to_numpy() == pytest.approx(liquefied.lab.path.amplitude / (2.0 * p[0]))
+    assert table["cycles_to_ratio"][0] == N[first[0]] and np.isnan(table["cycles_to_ratio"][1])
+    points = {(line.get_marker(), float(line.get_xdata()[0])) for line in figure.axes[0].get_lines()}
+    assert {("o", N[first[0]]), (">", N[11])} <= points
+
+
+def test_a_test_without_a_csr_or_without_its_first_cycles_has_no_resistance(sheared, liquefied):
+    with pytest.raises(lk.InputError, match="simple_shear has no CSR: give undrained_cycles, or shear_cycles"):
+        cyclic_resistance(sheared)
+    before = {"undrained_before": 2.0 * liquefied["stress"].values[0].ravel()}
+    with pytest.raises(lk.InputError, match="its earlier cycles are in another run"):
+        cyclic_resistance(liquefied.assign_attrs(before))

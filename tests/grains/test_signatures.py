@@ -24,6 +24,14 @@ def test_a_function_that_lacks_an_argument_is_refused():
                 return overlap
 
 
+def test_a_method_with_self_is_told_to_be_static():
+    with pytest.raises(lk.InputError, match=r"write force\(stiffness, overlap\), a @staticmethod without self$"):
+
+        class Spring(lk.laws.LinearSpring):
+            def force(self, stiffness, overlap):
+                return stiffness * overlap
+
+
 def test_other_names_and_further_defaults_are_accepted():
     class Spring(lk.laws.LinearSpring):
         @staticmethod

@@ -10,6 +10,7 @@ import labkit
 from labkit.errors import InputError
 from labkit.plugins.campaigns.products import numbers
 from labkit.results import ENOUGH_STRAIN, require_critical
+from labkit.results.critical import critical_states
 from tests.changed import changed
 from tests.conftest import ROOT
 
@@ -59,6 +60,8 @@ def test_runs_that_do_not_reach_a_critical_state_are_left_out_with_a_reason(file
 def test_the_numbers_of_a_run_have_a_critical_state_only_if_it_is_one(files):
     known = {name: numbers(labkit.open_run(file)) for name, file in files.items()}
     assert known["cv-dense"]["critical_M"][0] == pytest.approx(0.92, abs=0.1)
+    shown = critical_states({"run": labkit.open_run(files["cv-dense"])})["critical"][0] == "yes"
+    assert known["cv-dense"]["critical_shown"][0] == shown and np.isnan(known["short"]["critical_shown"][0])
     for name in ("short", "unfinished"):
         assert np.isnan(known[name]["critical_M"][0]) and np.isnan(known[name]["critical_Z"][0])
     assert "critical_M" not in known["isod-dense_high"]

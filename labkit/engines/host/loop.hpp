@@ -112,7 +112,7 @@ template <class T> void domain_grains(const Loop<T> &loop, int64_t domain, doubl
             to_records<double>(doubles + X + i, x), to_records<double>(block + i, v, 3);
             for (int k = 0; k < 4; k++) {
                 record(places + PLACE_COLUMNS * (i + k)) = x[k];
-                record(motions + SITE_COLUMNS * (i + k)) = __builtin_convertvector(v[k], Record<T>);
+                record(motions + SITE_COLUMNS * (i + k)) = CONVERT(v[k], Record<T>);
             }
         }
         for (int64_t i = 0; i < n; i += N) {

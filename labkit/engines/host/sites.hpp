@@ -21,8 +21,8 @@ template <class T> void read_branches(const double *places, const uint32_t *a, c
             exchange(r);
             squares = r[3] * r[3];
             for (int k = 0; k < 3; k++) squares = fused(-r[k], r[k], squares);
-            for (int k = 0; k < 4; k++) record(rows + k * WIDTH + i + half) = __builtin_convertvector(r[k], Record<T>);
-            record(rows + SQUARES - D + i + half) = __builtin_convertvector(squares, Record<T>);
+            for (int k = 0; k < 4; k++) record(rows + k * WIDTH + i + half) = CONVERT(r[k], Record<T>);
+            record(rows + SQUARES - D + i + half) = CONVERT(squares, Record<T>);
         }
     }
 }

@@ -23,7 +23,30 @@ template <class V> inline V fused(V a, V b, V c) {
     }
 }
 
+#if defined(__clang__) || defined(__AVX__)
 template <class T, int N> struct VectorOf { typedef T Type __attribute__((vector_size(N * sizeof(T)))); };
+#define CONVERT(vector, Type) __builtin_convertvector(vector, Type)
+#else  // GCC would keep vectors that are wider than a register in memory, which takes four times as long
+template <class T, int N> struct __attribute__((may_alias)) Numbers {
+    T number[N];
+    T &operator[](int k) { return number[k]; }
+    T operator[](int k) const { return number[k]; }
+    template <class F> static Numbers of(F value) {
+        Numbers r;
+        for (int k = 0; k < N; k++) r[k] = value(k);
+        return r;
+    }
+    friend Numbers operator+(Numbers a, Numbers b) { return of([&](int k) { return a[k] + b[k]; }); }
+    friend Numbers operator-(Numbers a, Numbers b) { return of([&](int k) { return a[k] - b[k]; }); }
+    friend Numbers operator*(Numbers a, Numbers b) { return of([&](int k) { return a[k] * b[k]; }); }
+    friend Numbers operator+(Numbers a, T b) { return of([&](int k) { return a[k] + b; }); }
+    friend Numbers operator-(Numbers a) { return of([&](int k) { return -a[k]; }); }
+    Numbers &operator+=(Numbers b) { return *this = *this + b; }
+    Numbers &operator-=(Numbers b) { return *this = *this - b; }
+};
+template <class T, int N> struct VectorOf { using Type = Numbers<T, N>; };
+#define CONVERT(vector, Type) Type::of([&](int place) { return (vector)[place]; })
+#endif
 template <class T> using Record = typename VectorOf<T, 4>::Type;
 template <class T> constexpr int PER_ROW = 32 / sizeof(T);  // numbers in a Row
 template <class T> using Row = typename VectorOf<T, PER_ROW<T>>::Type;
@@ -32,7 +55,7 @@ template <class T> inline Record<T> &record(T *numbers) { return *reinterpret_ca
 template <class T> inline const Record<T> &record(const T *numbers) { return *reinterpret_cast<const Record<T> *>(numbers); }
 template <class T> inline Row<T> &row(T *numbers) { return *reinterpret_cast<Row<T> *>(numbers); }
 
-#if defined(__has_builtin)
+#if (defined(__clang__) || defined(__AVX__)) && defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)
 #define SHUFFLES
 #endif
@@ -88,18 +111,28 @@ inline void split(Row<float> joint, Record<float> *records, int k) {
 
 // Write PER_ROW records to the first `count` of four rows, `rows` apart by WIDTH.
 template <class T> inline void to_rows(const Record<T> *records, T *rows, int count = 4) {
+#ifdef SHUFFLES
     Row<T> r[4];
     for (int k = 0; k < 4; k++) r[k] = join(records, k);
     exchange(r);
     for (int k = 0; k < count; k++) row(rows + k * WIDTH) = r[k];
+#else
+    for (int k = 0; k < count; k++)
+        for (int i = 0; i < PER_ROW<T>; i++) rows[k * WIDTH + i] = records[i][k];
+#endif
 }
 
 // Read PER_ROW records from `count` rows; with three rows, the last number of each record is 0.
 template <class T> inline void to_records(T *rows, Record<T> *records, int count = 4) {
+#ifdef SHUFFLES
     Row<T> r[4] = {};
     for (int k = 0; k < count; k++) r[k] = row(rows + k * WIDTH);
     exchange(r);
     for (int k = 0; k < 4; k++) split(r[k], records, k);
+#else
+    for (int i = 0; i < PER_ROW<T>; i++)
+        for (int k = 0; k < 4; k++) records[i][k] = k < count ? rows[k * WIDTH + i] : 0;
+#endif
 }
 
 }  // namespace

@@ -143,9 +143,12 @@ def _require_signatures(part: type[LawPart]) -> None:
         except TypeError:
             plain = [one.replace(annotation=one.empty) for one in needed.parameters.values()]
             right = needed.replace(parameters=plain, return_annotation=needed.empty)
+            static = ", a @staticmethod without self" * (
+                "self" in written.parameters and "self" not in right.parameters
+            )
             raise InputError(
                 f"{part.__name__}.{name}{written} does not accept the arguments of its kind of part: write "
-                f"{name}{right}"
+                f"{name}{right}{static}"
             ) from None
 
 

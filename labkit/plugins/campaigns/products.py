@@ -70,9 +70,11 @@ def numbers(run: xr.Dataset) -> Numbers:
     values |= _cyclic(run)
     if is_shear(run):
         end = critical_states({"run": run}).iloc[0]
-        critical = why_not_critical(run) is None
+        long = why_not_critical(run) is None
         for key, long_name in CRITICAL.items():
-            values[f"critical_{key}"] = float(end[key]) if critical else np.nan, "1", f"{long_name}, if it is critical"
+            values[f"critical_{key}"] = float(end[key]) if long else np.nan, "1", f"{long_name}; see critical_shown"
+        shown = float(end["critical"] == "yes") if long else np.nan
+        values["critical_shown"] = shown, "1", "1 if e, q/p and p are shown to be stationary there, 0 if they are not"
     others = {name: each for name, each in run.data_vars.items() if each.dims == ("time",) and name not in RECORD}
     return values | {f"final_{name}": _at_end(each) for name, each in others.items()}
 

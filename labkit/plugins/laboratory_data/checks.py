@@ -44,7 +44,8 @@ def unit_findings(columns: Mapping[str, Sequence[str | None]], units: Mapping[st
         factor = unit_factor(stated, factors)
         if factor != unit_factor(unit, factors) and not (of_stress and stated == "1"):
             right = f"{quantity}={':'.join(map(str, (header, stated.strip('[]() '), *sign)))}"
-            right = f"a column of {'stresses' if of_stress else 'strains'}" if factor is None else right
+            kind = "stresses" if of_stress else "void ratios" if quantity == "void_ratio" else "strains"
+            right = f"a column of {kind}" if factor is None else right
             text = f"{quantity} has the unit {unit}, but the file says {stated} for {header!r}"
             doubts.append(Doubt(f"{text}: give {right}", True))
     return doubts

@@ -137,7 +137,7 @@ EXERCISES = (
     Exercise(
         "liquefaction",
         "Liquefaction",
-        "An earthquake shakes wet sand: q goes to and fro, and the water cannot leave. What happens to the pressure "
+        "An earthquake shakes wet sand: q goes up and down, and the water cannot leave. What happens to the pressure "
         "between the grains?",
         "In loose sand each cycle moves load from the grains to the water, until the grains lose their contacts: the "
         "pore pressure ratio r_u reaches one. Dense sand hardly notices the same cycles.",

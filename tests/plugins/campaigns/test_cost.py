@@ -99,7 +99,9 @@ def test_the_fused_engine_is_suggested_only_if_it_is_much_faster():
     assert "--engine fused" in many
 
 
-def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its_grading():
+def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its_grading(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # in which no earlier run has compiled the law
+
     @lk.register_law
     class Fresh(lk.ContactLaw):
         """A law that no test compiles."""

@@ -1,5 +1,7 @@
 """Small files as other programs and their users write them, each with one unusual feature."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -106,6 +108,21 @@ def test_a_sphere_pack_without_a_period_takes_the_given_box(tmp_path):
     found = read(tmp_path / "g.spheres", format="sphere_pack", length_unit="mm", box="4")
     np.testing.assert_allclose(found.cell, 4e-3 * np.eye(3))
     np.testing.assert_allclose(found.position * 1e3, [[1, 1, 1], [1, 1, 1.99], [3, 3, 3]])
+
+
+@pytest.mark.filterwarnings("ignore:the grains are not in equilibrium", "ignore:the cell is only")
+def test_a_box_that_is_larger_than_the_packing_is_named(tmp_path):
+    """As in data files of programs that write the box of the walls, or of the whole domain."""
+    rows = "".join(f"{1 + 0.99 * x} {1 + 0.99 * y} {1 + 0.99 * z} 0.5\n" for x, y, z in np.ndindex(4, 4, 4))
+    file = pair(tmp_path, rows=rows)
+    with pytest.warns(
+        UserWarning, match=r"but grains have 4\.5 contacts: is the box larger than the packing\?"
+    ) as said:
+        lk.import_state(file, box="12", length_unit="mm")
+    with warnings.catch_warnings(record=True) as of_its_own_box:
+        warnings.simplefilter("always")
+        lk.import_state(file, box="3.96", length_unit="mm")
+    assert said and not any("larger than the packing" in str(one.message) for one in of_its_own_box)
 
 
 @pytest.mark.filterwarnings("ignore:no grains touch")

@@ -9,6 +9,7 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.plugins.laboratory_data import preview
+from labkit.plugins.laboratory_data.checks import unit_findings
 from labkit.plugins.laboratory_data.units import unit_in_header
 
 GIVEN = {"strain_kind": "engineering", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
@@ -293,3 +294,5 @@ def test_an_option_that_names_a_quantity_twice_is_refused(tmp_path, capsys):
 def test_a_column_of_lengths_is_not_offered_as_a_stress(tmp_path):
     with pytest.raises(lk.InputError, match=r"but the file says mm for 's1': give a column of stresses"):
         read(tmp_path, CR, COLUMNS, "eps,epsv,s1,s3\n%,%,mm,kPa", EPS, VOLUME, AXIAL, 0.0 * EPS + 100.0)
+    (found,) = unit_findings({"void_ratio": ("SAMP_BASE", "1")}, {"SAMP_BASE": "m"})
+    assert "the file says m for 'SAMP_BASE': give a column of void ratios" in str(found)
