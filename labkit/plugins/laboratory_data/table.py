@@ -49,9 +49,8 @@ def read_laboratory_columns(file: File, wanted: Mapping[str, str | None], form: 
     """
     table = find_table(file, [*wanted], [*form.rows], form)
     places = {name: table.place(name, file) for name in (*wanted, *form.rows)}
-    columns = {
-        name: (places[name], unit or table.units.get(table.headers[places[name]])) for name, unit in wanted.items()
-    }
+    stated = {name: table.units.get(table.headers[place]) for name, place in places.items()}
+    columns = {name: (places[name], unit or stated[name]) for name, unit in wanted.items()}
     rows, notes = _without_comments(table, columns.values())
     for header, wish in form.rows.items():
         rows = _with_text(rows, places[header], header, wish, file, notes)
