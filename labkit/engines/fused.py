@@ -146,8 +146,10 @@ class FusedEngine(Engine):
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * self._scale.mean_diameter, 0
         self._damping = scene.contact_law.local_damping(scene)
-        self._compile()
-        if self._ranks is not None:
+        if self._ranks is None:
+            self._compile()
+        else:
+            self._ranks.on_first_before_others(self._compile)  # which then find the compiled functions in the cache
             self._ranks.require_same(machine_code(self._functions), "the compiled functions")
 
     def _compile(self) -> None:

@@ -106,7 +106,6 @@ class LammpsEngine(FusedEngine):
         first = self._comm.rank == 0
         if first:
             self._accept(state)
-            self._compile()  # the other ranks then find the compiled functions, and have the same
         start, scale = self._comm.bcast((self._start.replace(radius=None), self._scale) if first else None)
         if not first:
             self._start, self._scale, self._bodies_of_state = start, scale, None
