@@ -30,7 +30,8 @@ def test_the_version_is_the_same_everywhere(recipe):
 
 def test_the_conda_recipe_has_the_dependencies_of_the_package(recipe):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    names = {re.match(r"[\w-]+", one)[0]: one for one in project["dependencies"]}
+    stated = [each.partition(";")[0] for each in project["dependencies"]]  # without the markers of platforms
+    names = {re.match(r"[\w-]+", each)[0]: each for each in stated}
     expected = {f"{CONDA.get(name, name)}{one.removeprefix(name)}" for name, one in names.items()}
     assert {one.replace(" ", "") for one in recipe["requirements"]["run"]} == {*expected, "python>=${{python_min}}"}
     assert project["requires-python"] == f">={recipe['context']['python_min']}"

