@@ -1,9 +1,15 @@
 """A specimen in LAMMPS: pair style granular with the same grains, stiffness, friction, dashpots and rolling.
 
 LAMMPS has one set of coefficients per pair of atom types, labkit one per pair of grains. The grains are therefore
-sorted into `classes` of equal width in radius, and a pair gets the coefficients computed from its class midpoints
-(labkit.engines.lammps.coefficients). The `tsuji` dashpot would use m* of the actual grains, but it accepts only the
-restitution coefficient, through a polynomial fitted for Hertz's law.
+sorted into `classes` of equal width in radius, and a pair gets the coefficients computed from its class midpoints. In
+the notation of LAMMPS, with r* = Ra Rb/(Ra + Rb):
+
+    hooke kn eta, damping velocity      fn = kn delta + eta ddelta/dt               eta = 2 beta_n sqrt(m* kn)
+    linear_history kt xgammat mu        |kt xi + xgammat eta dxi/dt| <= mu |fn|     xgammat = ct/cn
+    rolling sds k gamma mu              M = k r*^2 theta, |M| <= mu r* |fn|         k = kr/r*^2, gamma = 0, mu = mu_r
+
+The `tsuji` dashpot would use m* of the actual grains, but it accepts only the restitution coefficient, through a
+polynomial fitted for Hertz's law.
 
 Differences from the contact law `spring_dashpot`: the friction and rolling limits cap the sum of spring and dashpot,
 and their fn includes the dashpot; the springs do not turn about the normal; the contact forces stored in the State are
@@ -22,8 +28,9 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.engines.lammps.coefficients import pair_coefficients
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.laws.named import SpringDashpot
+from labkit.grains.scene import Scene
 from labkit.grains.state import State
 
 
@@ -147,6 +154,36 @@ def write_input(
         )
     )
     return file
+
+
+def pair_coefficients(scene: Scene, radius: np.ndarray) -> list[str]:
+    """Return the pair_coeff command of each pair of classes.
+
+    The contact law is the spring-dashpot law.
+    Raises InputError for beta_t without beta_n.
+
+    Args:
+        scene: Scene of the grains.
+        radius: Radius of each class, (class,), in m.
+    """
+    lines = []
+    for first, a in enumerate(radius):
+        for second, b in enumerate(radius[first:], first):
+            kn, kt, kr = (
+                stiffness(a, b)
+                for stiffness in (scene.normal_stiffness, scene.tangential_stiffness, scene.rolling_stiffness)
+            )
+            *_, cn, ct = SpringDashpot().tangents(scene, a, b, np.zeros(()))
+            if cn == 0.0 < ct:
+                raise InputError("LAMMPS does not support beta_t without beta_n: set beta_n above 0, or beta_t = 0")
+            share = ct / cn if cn > 0.0 else 0.0
+            rolling = kr / (a * b / (a + b)) ** 2
+            lines.append(
+                f"pair_coeff {first + 1} {second + 1} hooke {kn:.17g} {cn:.17g} "
+                f"tangential linear_history {kt:.17g} {share:.17g} {scene.friction:.17g} "
+                f"rolling sds {rolling:.17g} 0.0 {scene.rolling_friction:.17g} damping velocity"
+            )
+    return lines
 
 
 def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,6 @@ from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 
-from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -39,7 +38,6 @@ class Abilities:
     Args:
         parallel: What the engine runs on, "threads" and MPI "ranks".
         clumps: True if the grains may be rigid clumps of spheres.
-        rotates_cell: False if the first cell vector and the plane of the first two must keep their directions.
         checkpoint_work: Grains x time steps between two checkpoints of a run: some 10 s of work on one thread.
         checkpoint_steps: Most time steps between two checkpoints, which bounds their time for a few grains.
         precisions: Supported precisions; a precision other than "double" is passed to the constructor as `precision`.
@@ -50,7 +48,6 @@ class Abilities:
 
     parallel: tuple[str, ...] = ("threads",)
     clumps: bool = False
-    rotates_cell: bool = True
     checkpoint_work: int = CHECKPOINT_WORK
     checkpoint_steps: int = int(MOST_STEPS)
     precisions: tuple[str, ...] = ("double",)
@@ -68,6 +65,7 @@ class Engine(abc.ABC):
 
     name: ClassVar[str]
     version: str
+    shares_state: ClassVar[bool] = True  # False if, of several ranks, only rank 0 needs the State
     abilities: ClassVar[Abilities] = Abilities()
 
     @abc.abstractmethod
@@ -124,14 +122,6 @@ def engine_class(name: str) -> type[Engine]:
     """Return the engine class `name`; this may import Numba. Raises InputError if the name is unknown."""
     with delay_interrupts():
         return ENGINES.require(name)
-
-
-def rotation_error(engine: str) -> InputError:
-    """Return the error for a path that an engine cannot follow because it cannot rotate the cell."""
-    return InputError(
-        f"the engine {engine} cannot rotate the first cell vector or the plane of the first two: "
-        "use --engine fused, or a path along x, y and z or simple shear"
-    )
 
 
 def silent(fraction: float, text: str) -> None:

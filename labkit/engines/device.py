@@ -19,13 +19,11 @@ from labkit.engines.base import (
     Request,
     Result,
     engine_class,
-    rotation_error,
 )
 from labkit.engines.server import ServedEngine
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.paths.path import Path
 from labkit.process.interruption import require_owner
 from labkit.servo.plan import Corrections
 
@@ -131,13 +129,6 @@ class Device:
         if clumps and self.ranks > 1:
             problem = "cannot share clumps, whose spheres may be on two ranks"
             raise InputError(problem, field="ranks", value=self.ranks, allowed="threads instead")
-
-    def require_path(self, path: Path) -> None:
-        """Raise InputError if shear rates of the path or of the servo rotate the cell and the engine cannot do so."""
-        control = path.control()
-        free = control is not None and control.free[3:].any() and not control.triangular
-        if not self.kind.abilities.rotates_cell and (free or np.tril(path.flow(0.0), -1).any()):
-            raise rotation_error(self.name)
 
     def require_scene(self, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene or the precision."""

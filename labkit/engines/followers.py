@@ -114,6 +114,14 @@ class Ranks:
         if self._process.poll() is not None:
             raise _ending(self._process, self._output)
 
+    def on_first_before_others(self, action: Callable[[], object]) -> None:
+        """Carry out an action on rank 0, then on all others."""
+        if self.rank == 0:
+            action()
+        self.wait(self.comm.Ibarrier())
+        if self.rank > 0:
+            action()
+
     def require_same(self, code: bytes, what: str) -> None:
         """Raise InputError on all ranks if `code` is not the same on all; `what` says what it is."""
         row = hashlib.sha256(code).digest() + socket.gethostname().encode()[:32].ljust(32, b"\0")

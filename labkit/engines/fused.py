@@ -14,20 +14,19 @@ import numpy as np
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.host import call_common, find_touching
+from labkit.engines.kernel.host import call_common
 from labkit.engines.kernel.layout import CELL_WORK, CONTACT_SUMS, DAMPING_LOSS, SITE_V, SITE_W, SUM_ROWS, WIDTH
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.machine import machine_code
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
-from labkit.engines.sorting import sort_contacts
+from labkit.engines.kernel.specimen import Kinematics, Pairs, Scale, contacts_among, history_of, require_loadable
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
-from labkit.grains.columns import history_fields, overlaps
+from labkit.grains.columns import history_fields
 from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.grains.valid import require_fitting
 from labkit.process.system import number_of_cores
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
@@ -120,57 +119,53 @@ class FusedEngine(Engine):
         self.load(state)
 
     def load(self, state: State) -> None:
-        scene = state.scene
-        try:
-            require_fitting(state)
-        except ValueError as error:
-            raise InputError(f"the state is not one of grains in a cell: {error}") from None
-        if state.clumps is not None and scene.contact_law.far:
-            problem = "acts across a gap, which clumps do not support"
-            raise InputError(
-                problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
-            )
-        state = state.replace(radius=np.array(state.radius, float))  # the user may change the array later
-        self._start = state.replace(**dict.fromkeys(OWN))
+        self._accept(state)
+        self._prepare()
+        self._solids = self._solids_of(self._start.radius)
+        kinematics = state.position, state.velocity, state.angular_velocity
+        position, velocity, spin = (np.array(values, float) for values in kinematics)
+        self._search((position, velocity, spin), history_of(state, self._needs.law.columns))
+        self._settle()
+
+    def _accept(self, state: State) -> None:
+        """Store what concerns the whole specimen. Raises InputError for a state that the engine cannot load."""
+        require_loadable(state)
+        radius = np.array(state.radius, float)  # the user may change the array later
+        self._start = state.replace(radius=radius, **dict.fromkeys(OWN))
+        self._bodies_of_state = bodies_of(state)
+        self._scale = Scale.of(state.scene, radius)
+
+    def _prepare(self) -> None:
+        """Set everything that does not depend on single grains, and compile the functions."""
+        state, scene = self._start, self._start.scene
         self._packing: PackedArrays | None = None
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float, order="C")
         self._before = np.array(state.velocity_gradient, dtype=float, order="C")
         self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, np.int64), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
-        self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * 2.0 * state.radius.mean(), 0
+        self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * self._scale.mean_diameter, 0
         self._damping = scene.contact_law.local_damping(scene)
-        self._reach = scene.contact_law.reach(scene, state.radius)
-        masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
-        self._solids = np.stack([state.radius, *(1.0 / mass for mass in masses)], axis=1)
-        self._bodies_of_state = bodies_of(state)
-        self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
-        history = self._history_of(state)
-        self._functions = compile_functions(scene.contact_law, self._needs)
-        if self._ranks is not None:
+        if self._ranks is None:
+            self._compile()
+        else:
+            self._ranks.on_first_before_others(self._compile)  # which then find the compiled functions in the cache
             self._ranks.require_same(machine_code(self._functions), "the compiled functions")
-        position, velocity, spin = (
-            np.array(values, float) for values in (state.position, state.velocity, state.angular_velocity)
-        )
-        self._search((position, velocity, spin), history)
+
+    def _compile(self) -> None:
+        scene = self._start.scene
+        self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
+        self._functions = compile_functions(scene.contact_law, self._needs)
+
+    def _settle(self) -> None:
+        """Compute the forces of a loaded state."""
         self._divide_work()
         self._run(1, NONE, dt=0.0, moved_already=True)
 
-    def _history_of(self, state: State) -> History:
-        """Return the contact history of a state, with the columns of the parts that act in the scene."""
-        columns, known = self._needs.law.columns, state.history_columns
-        if columns.keys() - known.keys():
-            known = state.scene.contact_law.history_at(overlaps(state), known)
-        rows = np.zeros((len(state.contact_grain), sum(column.size for column in columns.values())))
-        for name, values in columns_in(rows, columns).items():
-            values[:] = known[name]
-        return History(
-            np.array(state.contact_grain.T, np.int32, order="C"),  # a copy, whose indices nobody changes any more
-            np.ascontiguousarray(state.contact_shift, np.int32),
-            rows,
-            np.concatenate([np.full(column.size, column.odd) for column in columns.values()] or [np.zeros(0, bool)]),
-            np.arange(state.number_of_grains),
-        )
+    def _solids_of(self, radius: np.ndarray) -> np.ndarray:
+        """Return radius, 1/mass and 1/(moment of inertia), (grain, 3), of grains with the radii (grain,), in m."""
+        masses = self._start.scene.mass(radius), self._start.scene.moment_of_inertia(radius)
+        return np.stack([radius, *(1.0 / mass for mass in masses)], axis=1)
 
     def _divide_work(self) -> None:
         """Choose the largest useful number of threads for the loaded specimen."""
@@ -207,7 +202,7 @@ class FusedEngine(Engine):
     def _follow(self, plan: ServoPlan) -> None:
         steps = int(plan.steps.sum())
         self._place[:] = 0
-        done, searched, at_once = 0, False, ahead(len(self._solids))
+        done, searched, at_once = 0, False, ahead(self._scale.grains)
         while done < steps:
             begin = time.perf_counter()
             wanted = min(steps - done, at_once)  # Python notices Ctrl-C between two calls of the compiled loop
@@ -229,7 +224,7 @@ class FusedEngine(Engine):
 
     def _fit_margin(self) -> None:
         """Widen or narrow the Verlet skin according to the number of steps since the last search."""
-        diameter = 2.0 * self._start.radius.mean()
+        diameter = self._scale.mean_diameter
         if self._given_skin is not None:
             return
         if self._since_search < SEARCH_STEPS[0]:
@@ -241,30 +236,39 @@ class FusedEngine(Engine):
     def _run(self, steps: int, plan: ServoPlan, dt: float, moved_already: bool) -> tuple[int, bool]:
         return self._loop.advance(steps, moved_already, dt, plan, self._choice.count)
 
-    def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
+    def _search(self, kinematics: Kinematics, history: History) -> None:
         """Find all pairs of neighbouring grains and fill the arrays of the kernel."""
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, bodies, skin = self._start.scene, self._bodies_of_state, self._skin
         of_bodies = None if self._start.bodies is None else self._start.bodies.body
-        p = pack(scene, self._solids, kinematics, history, self._cell, skin + self._reach, self._kind, of_bodies)
+        p = pack(scene, self._solids, kinematics, history, self._cell, skin + self._scale.reach, self._kind, of_bodies)
         self._packing, self._bodies = p, None if bodies is None else arrange(bodies, p.number, p.arrays)
         moving = Motion(
             *(self._cell, self._wanted, self._before, np.zeros((3, 3)), self._place, self._totals),
             *(np.zeros((2, 6)), np.zeros((3, 3, 3)), self._cell.copy(), np.zeros((3, 3)), np.array([0.0, 1.0])),
-            *(2.0 * self._start.radius.max(), skin),
+            *(self._scale.largest_diameter, skin),
         )
-        if self._ranks is not None:
-            from labkit.engines.kernel.exchange import Exchange
-
-            self._exchange = Exchange(self._ranks, p.arrays)
+        self._exchange = self._exchange_of(p, moving)
         compiled = self._functions, self._needs, self._damping
         self._loop = Loop(p.arrays, moving, self._bodies, *compiled, self._exchange)
         self._place_images()
 
+    def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
+        """Return the exchange with other ranks after a neighbour search, or None on one rank."""
+        if self._ranks is None:
+            return None
+        from labkit.engines.kernel.exchange import ImageExchange
+
+        return ImageExchange(self._ranks, packing.arrays)
+
     def _place_images(self) -> None:
         """Copy the grains to their images in other periods and domains (host/loop.hpp)."""
-        self._loop.place_images(self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell))
+        self._loop.place_images(self._drift())
+
+    def _drift(self) -> np.ndarray:
+        """Return the velocity that each period adds, L times the cell before its last motion, (3, 3), in m/s."""
+        return self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
 
     def _gather(self) -> None:
         """Let this rank know the grains, contacts and sums of all ranks."""
@@ -311,15 +315,20 @@ class FusedEngine(Engine):
 
     def state(self) -> State:
         self._enter_flows()
-        position, velocity, spin = self.packing.unpack_grains()
+        return self._state_of(*self._unpack())
+
+    def _unpack(self) -> tuple[Kinematics, Pairs]:
+        """Return grains and pairs, touching or not, with the indices of the State."""
         p = self.packing
-        pair = p.order.take(p.pairs.T)
-        kept = find_touching(pair, p.pair_shift, position, self._start.radius, self._cell)
-        if self._start.scene.contact_law.far:
-            kept = np.union1d(kept, np.flatnonzero(self._acts_across_a_gap()))
-        contact_grain, contact_shift, order, sign = sort_contacts(pair.take(kept, 0), p.pair_shift.take(kept, 0))
-        rows = (np.where(p.odd, sign, 1) * p.take_history(kept[order])).astype(float)
-        known, law = columns_in(rows, self._needs.law.columns), self._start.scene.contact_law
+        return p.unpack_grains(), Pairs(p.order.take(p.pairs.T), p.pair_shift, p.take_history(slice(None)))
+
+    def _state_of(self, grains: Kinematics, pairs: Pairs) -> State:
+        position, velocity, spin = grains
+        law, of_law = self._start.scene.contact_law, self._needs.law
+        contacts = contacts_among(pairs, position, self._start.radius, self._cell, of_law.columns if law.far else {})
+        contact_grain, contact_shift, order, sign = contacts
+        rows = (np.where(self.packing.odd, sign, 1) * pairs.rows.take(order, 0)).astype(float)
+        known = columns_in(rows, of_law.columns)
         start, moved = self._start, {} if self._bodies is None else self._bodies.motion()
         return start.replace(
             position=position,
@@ -338,9 +347,3 @@ class FusedEngine(Engine):
             ledger=self._ledger,
             clumps=start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, moved),
         )
-
-    def _acts_across_a_gap(self) -> np.ndarray:
-        """Return a mask (n,), True for pairs whose contact history joins the grains, even across a gap."""
-        known = columns_in(self.packing.take_history(slice(None)), self._needs.law.columns)
-        names = [name for name, column in self._needs.law.columns.items() if column.joins]
-        return np.any([known[name] != 0.0 for name in names], axis=0)

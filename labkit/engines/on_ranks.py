@@ -39,7 +39,8 @@ class OnRanks(Engine):
     def _repeat(self, name: str, *arguments: Any) -> Any:
         """Make a call on all ranks; after an error nobody knows how far they came, so that the followers end."""
         try:
-            self._ranks.tell(name, *arguments)
+            shares = self._recipe[0].shares_state
+            self._ranks.tell(name, *(None if isinstance(value, State) and not shares else value for value in arguments))
             return make_engine(self._ranks, *arguments) if name == MAKE else getattr(self._engine, name)(*arguments)
         except BaseException:
             self._ranks.abandon()

@@ -65,7 +65,7 @@ class Speed(NamedTuple):
 TYPICAL = {
     "fused": Speed(3.0, 1.2e-5, 4.3e-8, 45.0, 0.35),
     "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),
-    "lammps": Speed(2.0, 1.0e-4, 1.1e-6, 10.0, 0.05),
+    "lammps": Speed(3.0, 3.7e-5, 4.3e-8, 45.0, 0.35),  # fused, and 25 us per step for LAMMPS
 }
 
 

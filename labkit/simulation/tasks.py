@@ -241,8 +241,6 @@ def require_possible(task: Task[object]) -> type[Engine]:
     of_recipe = isinstance(task, SpecimenTask) and task.recipe.shape != Recipe.shape
     task.device.require_grains(of_recipe or (isinstance(task, StateTask) and task.state.clumps is not None))
     kind = task.device.kind
-    if isinstance(task, RunTask):
-        task.device.require_path(task.path)
     kind.abilities.require_computer()
     return kind
 

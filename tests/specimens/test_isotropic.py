@@ -12,7 +12,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.paths.standard import Consolidation, Levelling
+from labkit.paths.standard import Levelling
 from labkit.plugins.campaigns.jobs import Job
 from labkit.servo.plan import BASIS, TRIANGULAR
 from labkit.specimens import consolidation
@@ -152,13 +152,11 @@ def test_the_basis_with_spin_has_the_same_strain_rates_and_stays_above_the_diago
     assert not np.tril(TRIANGULAR, -1).any()
 
 
-def test_levelling_is_possible_on_every_engine_and_isochoric():
+def test_levelling_is_possible_and_isochoric():
     control = Levelling().control()
     control.require_possible()
     assert control.isochoric
     assert not path_to(1e5, "free").control().isochoric
-    for path in (Levelling(), Consolidation(pressure=1e5), Consolidation(pressure=1e5, cell="fixed")):
-        Device("lammps").require_path(path)
 
 
 def test_errors_of_targets_of_zero_are_relative_to_the_mean_stress(kept):

@@ -226,8 +226,9 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
             }
             #pragma omp single
             {
+                const double fastest = largest_of_all();  // ranks wait here for each other
                 if (loop.exchange) loop.exchange(PLACES, 0, nullptr, 0);
-                measure = call.search_is_due(loop.motion, dt, largest_of_all(), -1);
+                measure = call.search_is_due(loop.motion, dt, fastest, -1);
                 // the next step can start before the contacts of this one, unless a correction needs their stress
                 started = !measure && step + 1 < steps && !corrects[(step + 1) % 2];
                 if (started) start(step + 1);

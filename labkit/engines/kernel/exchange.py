@@ -6,8 +6,10 @@ it knows which images of its grains another rank uses. Sums are taken in the sam
 
 from __future__ import annotations
 
+import abc
 import ctypes
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,24 +29,99 @@ CALLBACK = ctypes.CFUNCTYPE(REAL, INTEGER, REAL, ctypes.POINTER(REAL), INTEGER)
 PLACES, FORCES, LARGEST, SUMS = range(4)  # enum Exchange in labkit/engines/host/loop.hpp
 
 
-class Exchange:
+class Records(NamedTuple):
+    """Records of sites that go to or come from another rank: its number, the sites (n,), and the records (n, k)."""
+
+    rank: int
+    sites: np.ndarray
+    values: np.ndarray
+
+
+class Exchange(abc.ABC):
     """The exchange of this rank with the others, for the arrays of one neighbour search.
 
-    `first` and `last` delimit the domains of this rank, and `pointer` is the function that the host calls.
+    `pointer` is the function that the host calls.
 
     Args:
         ranks: All ranks.
         arrays: Arrays of grains and contacts.
+        first: First domain that this rank computes.
+        last: End of these domains.
     """
+
+    def __init__(self, ranks: Ranks, arrays: Arrays, first: int, last: int) -> None:
+        """Store the arrays."""
+        self._ranks, self._arrays, self._mpi = ranks, arrays, mpi_library()
+        self.first, self.last = first, last
+        self._error: BaseException | None = None
+        self._gathered = True
+        self._out: list[Records] = []
+        self._into: list[Records] = []
+        self._callback = CALLBACK(self._exchange)
+        self.pointer = ctypes.cast(self._callback, POINTER).value
+
+    def _exchange(self, what: int, value: float, array: object, count: int) -> float:
+        """Exchange what the host asks for. After an error, an infinite distance ends the loop of the host."""
+        try:
+            if self._error is not None:
+                return math.inf
+            if what == LARGEST:
+                largest = np.array([value])
+                self._ranks.wait(self._ranks.comm.Iallreduce(self._mpi.IN_PLACE, largest, self._mpi.MAX))
+                return float(largest[0])
+            if what == PLACES:
+                self.refresh()
+            else:
+                self._carry_out(what, array, count)
+            return 0.0
+        except BaseException as error:  # no exception passes through the host
+            self._error = error
+        return math.inf
+
+    @abc.abstractmethod
+    def _carry_out(self, what: int, array: Any, count: int) -> None:
+        """Exchange FORCES or SUMS; of SUMS, `array` has `count` for all domains."""
+
+    def refresh(self) -> None:
+        """Copy grains to their images on other ranks."""
+        a = self._arrays
+        for _, sites, records in self._out:
+            records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:] = a.places[sites], a.motions[sites]
+        self._swap(self._out, self._into)
+        for _, sites, records in self._into:
+            a.places[sites], a.motions[sites] = records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:]
+
+    def _swap(self, out: list[Records], into: list[Records]) -> None:
+        comm = self._ranks.comm
+        requests = [comm.Irecv(records, q) for q, _, records in into]
+        self._ranks.wait(*requests, *(comm.Isend(records, q) for q, _, records in out))
+
+    def _records(self, sites: dict[int, np.ndarray]) -> list[Records]:
+        """Return room for the records of some sites of each other rank."""
+        width = PLACE_COLUMNS + SITE_COLUMNS
+        return [
+            Records(q, at, np.empty((len(at), width))) for q, at in sites.items() if q != self._ranks.rank and len(at)
+        ]
+
+    @abc.abstractmethod
+    def gather(self) -> None:
+        """Let rank 0 know the sums of all ranks."""
+
+    def moved(self) -> None:
+        """Note that the grains have moved. Raises the error of an exchange since then."""
+        self._gathered = False
+        if self._error is not None:
+            raise self._error
+
+
+class ImageExchange(Exchange):
+    """The exchange between ranks that all have the arrays of the whole specimen."""
 
     def __init__(self, ranks: Ranks, arrays: Arrays) -> None:
         """Find the images that this rank sends and receives."""
-        self._ranks, self._arrays, self._mpi = ranks, arrays, mpi_library()
         domains, images = len(arrays.contact_first), len(arrays.owner)
         self._cut = np.arange(ranks.size + 1) * domains // ranks.size
-        self.first, self.last = (int(end) for end in self._cut[ranks.rank : ranks.rank + 2])
-        self._error: BaseException | None = None
-        self._gathered = True
+        super().__init__(ranks, arrays, *(int(end) for end in self._cut[ranks.rank : ranks.rank + 2]))
         user, first_image = np.zeros(images, np.int64), len(arrays.places) - 1 - images
         for d, (begin, end) in enumerate(zip(arrays.contact_first, arrays.contact_last, strict=True)):
             second = arrays.pairs[1, begin:end].astype(np.int64)
@@ -52,53 +129,21 @@ class Exchange:
         home = np.searchsorted(arrays.grain_first, arrays.owner, side="right") - 1
         uses, has = (np.searchsorted(self._cut, domain, side="right") - 1 for domain in (user, home))
         here = ranks.rank
-        self._out = self._lists(has == here, uses, first_image)
-        self._into = self._lists(uses == here, has, first_image)
-        self._callback = CALLBACK(self._exchange)
-        self.pointer = ctypes.cast(self._callback, POINTER).value
+        every = range(ranks.size)
+        self._out = self._records({q: np.flatnonzero((has == here) & (uses == q)) + first_image for q in every})
+        self._into = self._records({q: np.flatnonzero((uses == here) & (has == q)) + first_image for q in every})
 
-    def _lists(self, mine: np.ndarray, other: np.ndarray, first_image: int) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Return, for each other rank, its number, the sites of the images, and room for their records."""
-        sites = {q: np.flatnonzero(mine & (other == q)) + first_image for q in range(self._ranks.size)}
-        width = PLACE_COLUMNS + SITE_COLUMNS
-        return [(q, at, np.empty((len(at), width))) for q, at in sites.items() if q != self._ranks.rank and len(at)]
-
-    def _exchange(self, what: int, value: float, array: object, count: int) -> float:
-        """Exchange what the host asks for. After an error, an infinite distance ends the loop of the host."""
-        try:
-            if self._error is None:
-                return self._carry_out(what, value, array, count)
-        except BaseException as error:  # no exception passes through the host
-            self._error = error
-        return math.inf
-
-    def _carry_out(self, what: int, value: float, array: object, count: int) -> float:
+    def _carry_out(self, what: int, array: Any, count: int) -> None:
         a, comm = self._arrays, self._ranks.comm
-        if what == PLACES:
-            for _, sites, records in self._out:
-                records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:] = a.places[sites], a.motions[sites]
-            self._swap(self._out, self._into)
-            for _, sites, records in self._into:
-                a.places[sites], a.motions[sites] = records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:]
-        elif what == FORCES:
+        if what == FORCES:
             for _, sites, records in self._into:
                 records[:, :FORCE_COLUMNS], a.forces[sites] = a.forces[sites], 0.0
             self._swap(self._into, self._out)
             for _, sites, records in self._out:
                 a.forces[sites] = records[:, :FORCE_COLUMNS]
         else:
-            values = np.array([value]) if what == LARGEST else np.ctypeslib.as_array(array, (count,))
-            operation = self._mpi.MAX if what == LARGEST else self._mpi.SUM
-            self._ranks.wait(comm.Iallreduce(self._mpi.IN_PLACE, values, operation))
-            return float(values[0])
-        return 0.0
-
-    def _swap(
-        self, out: list[tuple[int, np.ndarray, np.ndarray]], into: list[tuple[int, np.ndarray, np.ndarray]]
-    ) -> None:
-        comm = self._ranks.comm
-        requests = [comm.Irecv(records, q) for q, _, records in into]
-        self._ranks.wait(*requests, *(comm.Isend(records, q) for q, _, records in out))
+            values = np.ctypeslib.as_array(array, (count,))
+            self._ranks.wait(comm.Iallreduce(self._mpi.IN_PLACE, values, self._mpi.SUM))
 
     def gather(self) -> None:
         """Let every rank have the grains, contacts and sums of all ranks."""
@@ -114,9 +159,3 @@ class Exchange:
             requests += [self._ranks.comm.Ibcast(part, q) for part in parts]
         self._ranks.wait(*requests)
         self._gathered = True
-
-    def moved(self) -> None:
-        """Note that the grains have moved. Raises the error of an exchange since then."""
-        self._gathered = False
-        if self._error is not None:
-            raise self._error

@@ -70,8 +70,9 @@ class PackedArrays:
     odd: np.ndarray
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position, velocity and spin, each (grain, 3), in the order of the State."""
-        arrays, number = self.arrays, self.number
+        """Return position, velocity and spin of the grains of this rank, (grain, 3), in the order of the State."""
+        arrays = self.arrays
+        number = self.number[self.number < len(arrays.start)]
         position, motion = arrays.places.take(number, 0)[:, :3].copy(), arrays.motions.take(number, 0)
         return (
             position,
@@ -108,7 +109,8 @@ def pack(
 ) -> PackedArrays:
     """Find all pairs closer than the cutoff and fill all arrays, except the sites of images.
 
-    Raises PhysicsError if a grain is lost.
+    Grains of other MPI ranks have a 1/mass of 0. They do not move here, have no contacts with each other, and come last
+    in the kernel. Their contacts form a domain of its own. Raises PhysicsError if a grain is lost.
 
     Args:
         scene: Scene of the grains.
@@ -120,24 +122,27 @@ def pack(
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         body: Body of each grain, (grain,); grains of the same body have no contacts with each other.
     """
-    number = len(solids)
+    number = int(np.count_nonzero(solids[:, 1]))
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
     order = grid.order.astype(np.intp, copy=False)
-    solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
-    radius = solids[:, 0].copy()
+    position, radius = kinematics[0].take(order, 0), solids[:, 0].take(order)
     pairs, shift = find_pairs(position, radius, cell, grid, cutoff, None if body is None else body[order])
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1, dtype=np.int64), number)
-
     first_pair = np.searchsorted(pairs[0], grain_first).astype(np.int64)
+    if number < len(order):
+        order, pairs, shift, across = foreign_last(order, solids[order, 1] == 0.0, pairs, shift)
+        grain_first, first_pair = (np.array(ends, np.int64) for ends in ((0, number, number), (0, across, len(shift))))
+    solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
+    radius = solids[:, 0].copy()
     counts = np.diff(first_pair)
     room = -(-counts // WIDTH) * WIDTH
     contact_first = np.cumsum(room) - room
     slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts.astype(np.intp, copy=False))
     blocks = max(1, int(room.sum()) // WIDTH)
 
-    first_image = -(-number // WIDTH) * WIDTH
+    first_image = -(-len(order) // WIDTH) * WIDTH
     second, owner, image_shift = find_images(pairs, shift, grain_first, first_image)
     unused = first_image + len(owner)
     placed = np.full((2, blocks * WIDTH), unused, np.uint32)
@@ -146,13 +151,11 @@ def pack(
     past = history._replace(rows=history.rows.astype(kind, copy=False), number=history.number[order])
     host.carry_history(past, pairs, shift, slot, scene.normal_stiffness(*radius.take(pairs)), laid)
     grain_blocks = -(-number // WIDTH)
-    velocities, masses = (
-        allocate((grain_blocks, GRAIN_ROWS * WIDTH)),
-        allocate((grain_blocks, MASS_ROWS * WIDTH), kind),
-    )
+    velocities = allocate((grain_blocks, GRAIN_ROWS * WIDTH))
+    masses = allocate((grain_blocks, MASS_ROWS * WIDTH), kind)
     places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
-    put_rows(velocities, velocity)
-    put_rows(masses, solids[:, 1:])
+    put_rows(velocities, velocity[:number])
+    put_rows(masses, solids[:number, 1:])
     put_sites(places, motions, radius, position, velocity, spin)
     arrays = Arrays(
         grain_first=grain_first,
@@ -163,16 +166,40 @@ def pack(
         forces=allocate((unused + 1, FORCE_COLUMNS), kind),
         grains=velocities,
         masses=masses,
-        image_first=np.searchsorted(owner, grain_first).astype(np.int64),
+        image_first=np.searchsorted(owner, [*grain_first[:-1], len(order)]).astype(np.int64),
         owner=owner,
         shift=image_shift,
         pairs=placed,
         blocks=laid.reshape(blocks, -1),
-        work=allocate((domains, WORK_ROWS * WIDTH), kind),
-        doubles=allocate((domains, DOUBLE_ROWS * WIDTH)),
-        start=position,
+        work=allocate((len(counts), WORK_ROWS * WIDTH), kind),
+        doubles=allocate((len(counts), DOUBLE_ROWS * WIDTH)),
+        start=position[:number],
     )
     return PackedArrays(arrays, order, slot, pairs, shift, history.odd)
+
+
+def foreign_last(
+    order: np.ndarray, foreign: np.ndarray, pairs: np.ndarray, shift: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Return `order`, pairs and shifts with foreign grains last, and the number of pairs without a foreign grain.
+
+    These pairs come first; pairs of two foreign grains are left out. The two ranks of any other pair list its grains
+    in the same order, that of the State, so that they compute the same force.
+
+    Args:
+        order: Index in the State of each grain, (grain,).
+        foreign: True for grains of other ranks, (grain,).
+        pairs: Grains of each pair, (2, n).
+        shift: Periodic shift of the second grain, (n, 3).
+    """
+    turn = np.argsort(foreign, kind="stable")
+    place = np.empty_like(turn)
+    place[turn] = np.arange(len(turn))
+    order, pairs, outside = order.take(turn), place.take(pairs), foreign.take(pairs).sum(axis=0)
+    backwards = (outside > 0) & (order.take(pairs[0]) > order.take(pairs[1]))
+    pairs, shift = np.where(backwards, pairs[::-1], pairs), np.where(backwards[:, None], -shift, shift)
+    by = np.argsort(outside, kind="stable")[: np.count_nonzero(outside < 2)]
+    return order, pairs[:, by], shift.take(by, 0), int(np.count_nonzero(outside == 0))
 
 
 def put_sites(

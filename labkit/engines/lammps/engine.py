@@ -1,47 +1,222 @@
-"""The engine `lammps`: LAMMPS on one or more MPI ranks, with the spring-dashpot law."""
+"""The engine `lammps`: LAMMPS divides the grains among MPI ranks, and each rank computes its own like the engine fused.
+
+Contacts between grains of two ranks are computed on both, so that no forces cross ranks; on each rank, half of their
+work, losses and stress counts.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from labkit.engines.base import Abilities, rotation_error
-from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
-from labkit.engines.lammps.domain import require_loadable
-from labkit.engines.lammps.process import require_lammps, start_ranks
-from labkit.engines.server import ServedEngine, Server, Values
-from labkit.errors import InputError
-from labkit.grains.scene import Scene
+from labkit.engines.base import Abilities
+from labkit.engines.followers import Ranks, alone
+from labkit.engines.fused import FusedEngine
+from labkit.engines.kernel.exchange import SUMS, Exchange
+from labkit.engines.kernel.layout import CELL_WORK, SUM_ROWS, WIDTH
+from labkit.engines.kernel.motion import Motion
+from labkit.engines.kernel.packing import History, PackedArrays
+from labkit.engines.kernel.specimen import Kinematics, Pairs, history_of
+from labkit.engines.lammps.carrier import Carrier, LabelledGrains, belongs, require_lammps
+from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
+from labkit.records.energy import kinetic_energy
 
 
-def _require_scene(scene: Scene) -> None:
-    """Raise InputError for a scene that LAMMPS cannot simulate."""
-    if scene.law != "spring_dashpot":
-        raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value="lammps")
-    if scene.blocked_motions:
-        raise InputError("has no planar layers", field="engine", value="lammps", allowed="fused")
-    if scene.twisting_friction > 0.0:
-        raise InputError("has no twisting resistance", field="engine", value="lammps", allowed="fused")
+class CarriedExchange(Exchange):
+    """The exchange between ranks that only have their own grains and those near them.
+
+    Args:
+        ranks: All ranks.
+        packing: Arrays of the kernel; contacts with grains of other ranks are in the last domain.
+        label: Label of each grain, (grain,).
+        rank: Rank of each grain, (grain,).
+        place_images: Copies all grains to their images.
+    """
+
+    def __init__(
+        self,
+        ranks: Ranks,
+        packing: PackedArrays,
+        label: np.ndarray,
+        rank: np.ndarray,
+        place_images: Callable[[], None],
+    ) -> None:
+        """Let the other ranks know which of their grains this rank needs."""
+        super().__init__(ranks, packing.arrays, 0, len(packing.arrays.contact_first))
+        own, self._place_images = len(packing.arrays.start), place_images
+        label, rank = label.take(packing.order), rank.take(packing.order)
+        needed = [own + np.flatnonzero(rank[own:] == q) for q in range(ranks.size)]
+        asked = ranks.comm.alltoall([label[sites] for sites in needed])
+        by = np.argsort(label[:own])
+        self._into = self._records(dict(enumerate(needed)))
+        self._out = self._records({q: by[np.searchsorted(label[by], wanted)] for q, wanted in enumerate(asked)})
+
+    def refresh(self) -> None:
+        super().refresh()
+        self._place_images()
+
+    def _carry_out(self, what: int, array: Any, count: int) -> None:
+        if what == SUMS:
+            sums = np.ctypeslib.as_array(array, (count,)).reshape(self.last, -1)
+            self._sum_on_first(sums)
+            self._ranks.wait(self._ranks.comm.Ibcast(sums[0]))
+
+    def gather(self) -> None:
+        if not self._gathered:
+            self._sum_on_first(self._arrays.work[:, CELL_WORK : CELL_WORK + SUM_ROWS * WIDTH])
+            self._sum_on_first(self._arrays.doubles)
+            self._gathered = True
+
+    def _sum_on_first(self, sums: np.ndarray) -> None:
+        """Move the sums of all domains (domain, n) and ranks to the first domain of rank 0."""
+        sums[np.diff(self._arrays.grain_first) == 0] *= 0.5  # contacts with grains of other ranks
+        total = sums.sum(axis=0)
+        sums[:] = 0.0
+        self._ranks.wait(self._ranks.comm.Ireduce(total, sums[0] if self._ranks.rank == 0 else None))
 
 
-class LammpsEngine(ServedEngine):
-    """LAMMPS with one State loaded; `threads` is the number of MPI ranks."""
+class LammpsEngine(FusedEngine):
+    """The grains of one rank. The State is on rank 0 alone: what the others load and return has no grains.
+
+    Args:
+        state: State to load.
+        threads: 1; all processors of a computer are used by ranks.
+        ranks: All ranks; None for one.
+    """
 
     name = "lammps"
-    abilities = Abilities(("ranks",), rotates_cell=False, require_scene=_require_scene, require_computer=require_lammps)
-    keeps_server = False  # waiting ranks would keep their processors busy
+    shares_state = False
+    abilities = Abilities(
+        parallel=("ranks",),
+        require_computer=require_lammps,
+        follow=lambda engine, corrections: engine.follow(corrections),
+    )
 
-    @classmethod
-    def start_server(cls, threads: int) -> Server:
-        return start_ranks(threads)
+    def __init__(self, state: State, threads: int = 1, ranks: Ranks | None = None) -> None:
+        """Start LAMMPS and load the state. Raises InputError."""
+        ranks = ranks or alone()
+        self._comm, self._carrier = ranks.comm, Carrier(ranks.comm)
+        self.version = self._carrier.version
+        super().__init__(state, threads, ranks=ranks)
 
-    def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
-        require_loadable(state)
-        pair_coefficients(state.scene, classes_of(state.radius)[1])  # for its InputError
-        return {"scene": state.scene.to_json(), "work": state.ledger.cell_work}, {}
+    def load(self, state: State) -> None:
+        first = self._comm.rank == 0
+        if first:
+            self._accept(state)
+        start, scale = self._comm.bcast((self._start.replace(radius=None), self._scale) if first else None)
+        if not first:
+            self._start, self._scale, self._bodies_of_state = start, scale, None
+        self._prepare()
+        grains, history = self._divide(state)
+        self._label, self._rank = grains.label, np.full(len(grains.label), self._comm.rank)
+        counts = self._comm.allgather(len(grains.label))
+        if min(counts) == 0:
+            raise InputError("are too many for these grains", field="ranks", value=len(counts), allowed="fewer")
+        if sum(counts) != scale.grains:
+            raise PhysicsError(
+                f"LAMMPS took only {sum(counts)} of {scale.grains} grains: report this, with the specimen"
+            )
+        self._search(grains.kinematics, history)
+        self._settle()
 
-    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        gradient = np.asarray(velocity_gradient, dtype=float)
-        if np.abs(np.tril(gradient, -1)).max() > 1e-12 * np.abs(gradient).max():
-            raise rotation_error(self.name)
-        super().advance(steps, gradient)
+    def _divide(self, state: State) -> tuple[LabelledGrains, History]:
+        """Return the grains of this rank and the history of their contacts, with labels in place of indices."""
+        ends = self._comm.gather(self._carrier.create_box(self._cell))
+        if self._comm.rank == 0:
+            arrays = self._start.radius, state.position, state.velocity, state.angular_velocity
+            everything = LabelledGrains(np.arange(self._scale.grains), *arrays)
+            history, inside = history_of(state, self._needs.law.columns), self._carrier.inside(state.position)
+            for rank in range(len(ends))[::-1]:
+                near = belongs(inside, *ends[rank])
+                part = everything.take(near), take_pairs(history, np.logical_or(*near.take(history.pairs)))
+                if rank:
+                    self._comm.send(part, rank)
+        else:
+            part = self._comm.recv(source=0)
+        return self._carrier.create_grains(part[0]), part[1]
+
+    def _search_again(self) -> None:
+        self._fit_margin()
+        history = self.packing.unpack_history()
+        labels = self._label.take(self.packing.order)
+        self._search(self.packing.unpack_grains(), history._replace(pairs=labels.take(history.pairs)))
+
+    def _search(self, kinematics: Kinematics, history: History) -> None:
+        """Let grains move to other ranks, and find the neighbours of those of this rank; `history` has labels."""
+        self._enter_flows()
+        self._packing = None
+        reach = self._scale.largest_diameter + self._scale.reach + self._skin
+        before = self._label[self._rank == self._comm.rank]
+        grains, self._rank = self._carrier.carry(self._cell, reach, *kinematics)
+        self._label, own = grains.label, self._rank == self._comm.rank
+        history = self._follow_grains(before, grains.label[own], history)
+        index = np.searchsorted(grains.label, history.pairs).clip(max=len(own) - 1)
+        here = (grains.label.take(index) == history.pairs).all(axis=0)
+        history = take_pairs(history._replace(pairs=index), here)._replace(number=np.arange(len(own)))
+        self._solids = self._solids_of(grains.radius)
+        self._solids[~own, 1:] = 0.0
+        super()._search(grains.kinematics, history)
+
+    def _follow_grains(self, before: np.ndarray, now: np.ndarray, history: History) -> History:
+        """Return `history` with the contacts of the grains that came from other ranks.
+
+        Args:
+            before: Labels of the grains that this rank had, (n,).
+            now: Labels of the grains that it has now, (m,).
+            history: Contact history with labels.
+        """
+        if self._comm.size == 1:
+            return history
+        arrived = self._comm.allgather(np.setdiff1d(now, before, assume_unique=True))
+        gone = np.setdiff1d(before, now, assume_unique=True)
+        moved = take_pairs(history, np.logical_or(*np.isin(history.pairs, gone)))
+        parts = [take_pairs(moved, np.logical_or(*np.isin(moved.pairs, labels))) for labels in arrived]
+        parts = [history, *self._comm.alltoall(parts)]
+        return history._replace(
+            pairs=np.concatenate([part.pairs for part in parts], axis=1),
+            shift=np.concatenate([part.shift for part in parts]),
+            rows=np.concatenate([part.rows for part in parts]),
+        )
+
+    def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
+        if self._ranks is None or self._ranks.size == 1:
+            return None
+        return CarriedExchange(
+            self._ranks, packing, self._label, self._rank, lambda: self._loop.place_images(moving.drift)
+        )
+
+    def _divide_work(self) -> None:
+        """Use one thread per rank."""
+
+    def state(self) -> State:
+        self._enter_flows()
+        everything = self._unpack_ranks()
+        return self._start if everything is None else self._state_of(*everything)
+
+    def _unpack_ranks(self) -> tuple[Kinematics, Pairs] | None:
+        """Return the grains and pairs of all ranks on rank 0, and None on others."""
+        p = self.packing
+        mine = p.pairs[0] < len(p.arrays.start)  # a contact of two ranks is of the rank of its first grain
+        pair = self._label.take(p.order).take(p.pairs.T[mine])
+        grains = self._label[self._rank == self._comm.rank], *p.unpack_grains()
+        parts = self._comm.gather((*grains, pair, p.pair_shift[mine], p.take_history(mine)))
+        if parts is None:
+            return None
+        label, *moved, pair, shift, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
+        position, velocity, spin = (values.take(np.argsort(label), 0) for values in moved)
+        return (position, velocity, spin), Pairs(pair, shift, rows)
+
+    def stop_grains(self) -> None:
+        state = self.state()
+        if self._comm.rank == 0:
+            lost = kinetic_energy(state)
+            state = state.without_velocities().replace(ledger=state.ledger.plus(0.0, 0.0, 0.0, lost))
+        self.load(state)
+
+
+def take_pairs(history: History, which: np.ndarray) -> History:
+    """Return some of the pairs of a History."""
+    return history._replace(pairs=history.pairs[:, which], shift=history.shift[which], rows=history.rows[which])

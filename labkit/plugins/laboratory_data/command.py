@@ -58,6 +58,7 @@ class MeasuredTable:
     header: Annotated[int | None, Option("line of the headers, if several lines have them", "LINE", type=int)] = None
     separator: Annotated[Separator | None, Option("mark between columns (default: with which most are numbers)")] = None
     decimal: Annotated[Literal["point", "comma"] | None, Option("decimal mark, if the numbers do not show it")] = None
+    thousands: Annotated[str | None, Option("mark between thousands, if it is an unusual one", "MARK")] = None
     encoding: Annotated[str | None, Option("encoding (default: UTF-8, UTF-16 or Windows-1252)", "NAME")] = None
     zero: Annotated[
         list[str] | None, Option("quantities counted from the first row: their first value is subtracted", "QUANTITY")

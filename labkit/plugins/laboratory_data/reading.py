@@ -76,6 +76,7 @@ def read_measured(
     header: int | None = None,
     separator: Separator | None = None,
     decimal: Literal["point", "comma"] | None = None,
+    thousands: str | None = None,
     encoding: str | None = None,
     zero: Sequence[str] | None = None,
     accept: bool = False,
@@ -104,6 +105,7 @@ def read_measured(
         separator: Mark between columns, if it is not the one with which most cells are numbers: `comma`, `semicolon`,
             `tab`, `bar`, `blank` (one or more), or `blanks` (two or more, so that headers may have single ones).
         decimal: `point` or `comma`, if the numbers do not show their decimal mark.
+        thousands: Mark between thousands, if it is neither a comma, a point, a blank nor an apostrophe.
         encoding: Encoding, if the file is neither UTF-8, UTF-16 nor Windows-1252, e.g. mac_roman or shift_jis.
         zero: Quantities that are counted from the first row: their first value is subtracted.
         accept: True to leave out rows that cannot be read, and to go on in spite of serious findings of the checks.
@@ -112,8 +114,8 @@ def read_measured(
     require_file_name(file, "labkit.read_measured('test.csv', path, columns, ...)")
     _require_path(path)
     _require_columns(columns)
-    form = Form(separator, decimal, encoding, header, rows or {}, group, accept)
-    table = read_laboratory_columns(File(file), [column[0] for column in columns.values()], form)
+    form = Form(separator, decimal, thousands, encoding, header, rows or {}, group, accept)
+    table = read_laboratory_columns(File(file), {header: unit for header, unit, *_ in columns.values()}, form)
     values, zeroed = _in_si(columns, table, zero or ())
     records = _records(path, values, strain_kind, stress_kind, void_ratio)
     pore_pressure = values["pore_pressure"] if stress_kind == "total" else 0.0

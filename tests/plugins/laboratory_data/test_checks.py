@@ -64,7 +64,7 @@ CASES = {
     ),
     "second test, headers": (
         {"rows": [*ROWS, "eps,epsv,s1,s3", *ROWS]},
-        "these headers in the lines 1 and 7: give --header with one of them",
+        r"these headers in the lines 1 and 7 \(below '8 -0.4 270 100'\): give --header with one of them",
     ),
     "radial stress of another pressure": (
         {"rows": [row.replace(",100", ",400") for row in ROWS]},

@@ -36,7 +36,7 @@ def form(separator, comma, units, thousands="", headers=HEADERS, title=(), end=(
 
 
 def columns_of(file, headers=HEADERS, **form):
-    return read_laboratory_columns(file, headers, Form(**form))
+    return read_laboratory_columns(file, dict.fromkeys(headers), Form(**form))
 
 
 def require_rows(found, headers=HEADERS):
@@ -131,9 +131,9 @@ def test_the_smallest_case_of_a_thousand_in_quotes_keeps_every_row(tmp_path):
     assert list(columns_of(file, ["a", "c"]).values["c"]) == [400.0, 1100.0, 900.0]
 
 
-def test_units_may_stand_in_headers(tmp_path):
+def test_units_may_stand_in_cells_and_headers(tmp_path):
     file = tmp_path / "a.csv"
-    file.write_text("eps (%);q kPa;p' [kN/m\u00b2];e\n0;0;100;0.8\n1,5;50;110;0,79\n")
+    file.write_text("eps (%);q kPa;p' [kN/m\u00b2];e\n0 %;0 kPa;100;0.8\n1,5 %;50 kPa;110;0,79\n")
     found = columns_of(file, ["eps (%)", "q kPa", "p' [kN/m\u00b2]"])
     assert list(found.values["eps (%)"]) == [0.0, 1.5] and list(found.values["q kPa"]) == [0.0, 50.0]
     assert [*found.units.values()] == ["%", "kPa", "kN/m\u00b2"] and [*found.texts] == ["e"]
@@ -238,16 +238,31 @@ def test_rows_without_a_number_stop_the_reading_with_their_line(tmp_path, word, 
     assert any(f"line {place + 3}: left out" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("number", ["-999", "-999.0", "9999", "-9999.00", "-999.25", "1e30", "-99", "99999"])
+def test_numbers_that_stand_for_a_missing_value_stop_the_reading(tmp_path, number):
+    file = tmp_path / "a.csv"
+    file.write_text(f"e,q\n0,100\n1,{number}\n2,{number}\n3,120\n")
+    with pytest.raises(lk.InputError, match=r"line 3 .*missing value.*line 4"):
+        columns_of(file, ["e", "q"])
+    assert list(columns_of(file, ["e", "q"], accept=True).values["q"]) == [100.0, 120.0]
+
+
+def test_a_measured_9999_between_similar_numbers_is_kept(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text("e,q\n0,9900\n1,9999\n2,10100\n")
+    assert list(columns_of(file, ["e", "q"]).values["q"]) == [9900.0, 9999.0, 10100.0]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "is empty"),
         ("\n\n", "is empty"),
-        ("e,q\n", "no rows below its headers"),
-        ("e,q\n%,kPa\n", "no rows below its headers"),
+        ("e,q\n", "no rows below the headers in line 1"),
+        ("e,q\n%,kPa\n", "no rows below the headers in line 1"),
         ("e,p\n1,2\n", "line 1 has no 'q': give .*e, p"),
         ("1,2\n3,4\n", "nor any other headers: give columns by their numbers"),
-        ("e,q\n1,0,5\n2,1,6\n", "line 2 has 3 cells for 2 headers .*add a header for every column"),
+        ("e,q\n1,0,5\n2,1,6\n", "line 2 has 3 cells for 2 headers .*: add a header for every column"),
         ("only text\n", "line 1 has no 'e'|nor any other headers"),
         ('<?xml version="1.0"?>\n<Diggs>\n</Diggs>\n', "is XML, HTML or JSON: export the table"),
         ("<html>\n</html>\n", "is XML, HTML or JSON"),
@@ -319,7 +334,7 @@ BLOCKS = "Test A\ne,q\n0,0\n1,10\n\nTest B\ne,q\n%,kPa\n0,0\n2,20\nremark,\n"
 def test_tables_below_each_other_are_chosen_by_the_line_of_their_headers(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text(BLOCKS)
-    said = "these headers in the lines 2 and 7: give --header"
+    said = r"these headers in the lines 2 \(below 'Test A'\) and 7 \(below 'Test B'\): give --header"
     with pytest.raises(lk.InputError, match=said):
         columns_of(file, ["e", "q"])
     assert list(columns_of(file, ["e", "q"], header=2).values["q"]) == [0.0, 10.0]
@@ -360,10 +375,13 @@ def test_groups_of_ags4(tmp_path, encoding):
     assert list(found.lines) == [5, 6]
     with pytest.raises(lk.InputError, match="line 7 has nothing in 'CTRD_DEV'"):
         columns_of(file, wanted, group="CTRD")
-    with pytest.raises(lk.InputError, match="group TRIX 0 times: give one of CTRD, TRET"):
+    with pytest.raises(lk.InputError, match="no group TRIX: give one of CTRD, TRET"):
         columns_of(file, wanted, group="TRIX")
     with pytest.raises(lk.InputError, match="1 lines HEADING and 0 lines DATA"):
         columns_of(file, ["LOCA_ID"], group="TRET")
+    file.write_text('"**PROJ"\n"*PROJ_ID","*PROJ_NAME"\n"1","a"\n')
+    with pytest.raises(lk.InputError, match="AGS 3"):
+        columns_of(file, wanted, group="CTRD")
     file.write_text("a,b\n1,2\n")
     with pytest.raises(lk.InputError, match="no AGS4 file"):
         columns_of(file, wanted, group="CTRD")

@@ -295,7 +295,7 @@ def test_cyclic_tests_below_each_other_ask_for_the_table(tmp_path):
         "mean_stress": ("Mean effective stress (kPa)", None, "compression"),
     }
     path = lk.paths.UndrainedCycles(amplitude="40 kPa", cycles=3)
-    with pytest.raises(lk.InputError, match="lines 2 and 126: give --header"):
+    with pytest.raises(lk.InputError, match=r"2 \(below 'CSR 0.2'\).*'CSR 0.3'.*give --header"):
         lk.read_measured(file, path, columns, void_ratio=0.7, **GIVEN)
     measured = lk.read_measured(file, path, columns, void_ratio=0.7, header=126, **GIVEN)
     assert measured.data.sizes["time"] == 121

@@ -271,7 +271,7 @@ def test_structure_that_stands_twice_in_ags4_is_refused(tmp_path):
     cases = {
         once: None,
         twice: r"header 'CTRD_DEVS' above the columns #4 and #5",
-        once + once: "has the group CTRD 2 times",
+        once + once: "has the group CTRD 2 times: repair the file",
         once.replace('"UNIT"', once.splitlines()[1] + '\n"UNIT"'): "has 2 lines HEADING and 2 lines DATA",
     }
     for text, message in cases.items():
