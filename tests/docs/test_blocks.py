@@ -38,7 +38,7 @@ labkit run cv s.state.nc --strain 0.02 -o r.run.nc
 labkit run cr s.state.nc --pressure 300kPa --strain 0.02 -o cr.run.nc
 for p in 100 300 600; do labkit run cp s.state.nc --pressure ${p}kPa --strain 0.16 --rate 50 -o cp$p.run.nc; done
 labkit run isoc s.state.nc --rate 50 -o isoc.run.nc
-labkit run isod s.state.nc --rate 50 -o isod.run.nc
+labkit run isod isoc.run.nc --rate 50 -o isod.run.nc
 labkit run oedometer_reloading s.state.nc --stresses 100kPa -o k0.run.nc
 mkdir results
 cp cp100.run.nc results/cp-dense.run.nc; cp cp300.run.nc results/cp-loose.run.nc
