@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pandas
 import xarray
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from labkit.errors import InputError
 from labkit.figures import frame
-from labkit.figures.frame import Runs, colors_for, gray_lines, new_panels, plain, plain_ticks
+from labkit.figures.frame import Runs, colors_for, gray_lines, panel_in, plain, plain_ticks
 from labkit.micro.stress import mean_stress
 from labkit.paths.cycles import ShearCycles, UndrainedCycles
 from labkit.results.figures import register_figure
@@ -19,16 +21,17 @@ LAST = "no liquefaction up to here"
 
 
 @register_figure("liquefaction", needs="records", several=True)
-def cyclic_resistance(run: xarray.Dataset | Runs) -> frame.Drawn:
+def cyclic_resistance(run: xarray.Dataset | Runs, ax: Axes | None = None) -> tuple[Figure, pandas.DataFrame]:
     """Draw CSR against the number of cycles to r_u > 0.95 and to a double amplitude of 5 %, a point for each test.
 
     CSR is the prescribed amplitude of q over 2 p_0 or, in simple shear, that of sigma_xz over sigma_zz,0; r_u is that
-    of p or of sigma_zz. An arrow marks the last cycle of a test that met neither criterion. Raises InputError for any
-    other test, and for one that goes on from undrained loading, whose earlier cycles are in another run.
+    of p or of sigma_zz. An arrow marks the last cycle of a test that met neither criterion. `ax` is the Axes to draw
+    in, by default those of a new figure. Raises InputError for any other test, and for one that goes on from undrained
+    loading, whose earlier cycles are in another run.
     """
     runs = frame.name_runs(run)
     table = pandas.DataFrame([{"run": name, **resistance(one)} for name, one in runs.items()])
-    figure, axes = new_panels(1, 1, 4.4, 6.4)
+    figure, axes = panel_in(ax, 4.4, 6.4)
     for color, (_, row) in zip(colors_for(len(runs)), table.iterrows(), strict=True):
         label: str | None = plain(str(row["run"]))
         for name, (_, marker) in CRITERIA.items():
@@ -45,7 +48,8 @@ def cyclic_resistance(run: xarray.Dataset | Runs) -> frame.Drawn:
     for line, marker in zip(markers, (*(each for _, each in CRITERIA.values()), ">"), strict=True):
         line.set(marker=marker, linestyle="")
     markers[-1].set_markerfacecolor("white")
-    figure.key(3, [*axes.get_legend_handles_labels()[0], *markers])
+    key = {"handles": [*axes.get_legend_handles_labels()[0], *markers], "frameon": False, "fontsize": "small"}
+    axes.legend(**key) if ax else figure.legend(loc="outside lower center", ncols=3, **key)
     return figure, table
 
 

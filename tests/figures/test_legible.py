@@ -101,8 +101,9 @@ def test_everything_is_on_the_canvas_and_axes_have_units(figure):
 
 
 IN_AXES = {  # the figures with one panel, drawn in the Axes of a user
-    "records": lambda cv, file, ax: FIGURES["records"](cv, **DRAWN, ax=ax)[0],
-    "grading": lambda cv, file, ax: grading_figure.grading(lk.read_state(file), ax=ax),
+    "records": lambda runs, file, ax: FIGURES["records"](runs["cv"], **DRAWN, ax=ax)[0],
+    "liquefaction": lambda runs, file, ax: FIGURES["liquefaction"](runs["cycles"], ax=ax)[0],
+    "grading": lambda runs, file, ax: grading_figure.grading(lk.read_state(file), ax=ax),
 }
 
 
@@ -111,7 +112,7 @@ def test_a_figure_of_one_panel_draws_in_the_axes_of_a_user(figure, request, runs
     assert (len(figure.axes) == 1) == (name in IN_AXES)
     if name in IN_AXES:
         axes = Figure().subplots()
-        assert IN_AXES[name](runs["cv"], run_file, axes) is axes.figure
+        assert IN_AXES[name](runs, run_file, axes) is axes.figure
         assert axes.lines and axes.get_xlabel() and axes.get_legend()
 
 
