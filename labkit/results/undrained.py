@@ -37,8 +37,8 @@ class Liquefaction:
 
 
 def is_constant(volume: np.ndarray) -> bool:
-    """Return True if a volume (n,) is constant."""
-    return bool(np.abs(volume / volume[0] - 1.0).max() < SAME_VOLUME)
+    """Return True if a volume (n,) is constant; False for n = 0."""
+    return len(volume) > 0 and bool(np.abs(volume / volume[0] - 1.0).max() < SAME_VOLUME)
 
 
 def references(
