@@ -12,12 +12,13 @@ import sys
 import labkit as lk
 from labkit.cli import main
 from labkit.process.progress import Lines
+from labkit.records import recorder
 from labkit.records.recorder import Recorder
 from tests.forked import LIMIT, ROOT
 
 MOMENTS = {
     "save": (Recorder, "_append_to_file"),
-    "half a save": (Recorder, "_append"),
+    "half a save": (recorder, "append_records"),
     "report": (Lines, "__call__"),
 }
 

@@ -186,7 +186,9 @@ def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
     with open_netcdf(path, kind):
         pass
     with LIBRARY, name_damage(path):
-        return with_axes(xr.open_dataset(_store(_file(path)), decode_times=False))
+        dataset = with_axes(xr.open_dataset(_store(_file(path)), decode_times=False))
+    dataset.encoding["source"] = str(path)
+    return dataset
 
 
 def snapshots(file: str | os.PathLike, numbers: Iterable[int] | None = None) -> Iterator[Snapshot]:
