@@ -267,6 +267,7 @@ def start_followers(size: int, threads: int) -> Ranks:
         connection = mpi.COMM_SELF.Accept(port)
     except BaseException as error:
         process.kill()
+        process.wait()
         if not isinstance(error, mpi.Exception):
             raise
         raise InputError(f"the MPI library {mpi.get_vendor()[0]} does not connect programs: use MPICH") from None
