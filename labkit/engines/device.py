@@ -20,7 +20,6 @@ from labkit.engines.base import (
     Result,
     engine_class,
 )
-from labkit.engines.server import ServedEngine
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -67,11 +66,11 @@ class Device:
         self.require_grains(state.clumps is not None)
         options = {} if self.precision == "double" else {"precision": self.precision}
         state, make = state.replace(precision=self.precision), cast(Callable[..., Engine], self.kind)
-        if self.ranks > 1 and not issubclass(self.kind, ServedEngine):
+        if self.ranks > 1:
             from labkit.engines.on_ranks import OnRanks
 
             return OnRanks(self.kind, state, self.threads, self.ranks, **options)
-        return make(state, self.cores, **options)
+        return make(state, self.threads, **options)
 
     def drive(self, run: Generator[Request, Answer, Result]) -> Result:
         """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""

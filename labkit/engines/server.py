@@ -1,4 +1,4 @@
-"""Engines whose grains are in another process, the server: YADE, or LAMMPS on several ranks.
+"""Engines whose grains are in another process, the server, as YADE.
 
 The run, its records and checkpoints stay in this process. If a server dies, hangs or uses a different version of the
 messages, the run ends with a one-line error and can be resumed. An idle server is reused by the next engine of the same
@@ -256,7 +256,7 @@ class ServedEngine(Engine):
     @classmethod
     @abc.abstractmethod
     def start_server(cls, threads: int) -> Server:
-        """Start the server with a number of threads or ranks."""
+        """Start the server with a number of threads."""
 
     @abc.abstractmethod
     def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:

@@ -180,5 +180,5 @@ def test_exercises_give_their_numbers(exercise, number):
     asyncio.run(bench.start(test.choices))
     rows = bench.told("row")
     found = {one.words: one.of(rows) for one in test.numbers}
-    # grains amplify the rounding of a compiler
+    # functions that are shipped and compiled here round differently, and grains amplify it
     assert found == pytest.approx({one.words: one.value for one in test.numbers}, rel=0.05, abs=0.002)

@@ -53,7 +53,7 @@ def test_the_elastic_stiffness_is_symmetric_and_below_the_affine_bound(name, sta
     probes = elastic[name]
     assert "asymmetry" in probes._repr_html_()
     C = probes.tangent()
-    assert probes.asymmetry() < 1e-3 and probes.misfit() < 2e-4  # 1.1e-4 at most, with two compilers
+    assert probes.asymmetry() < 1e-3 and probes.misfit() < 2e-4  # 1.1e-4 at most, with functions shipped or compiled
     assert np.linalg.eigvalsh(affine_stiffness(states[name].snapshot()) - 0.5 * (C + C.T)).min() > 0.0
     assert (probes.directional() < probes.affine_bound()).all() and np.linalg.eigvalsh(C + C.T).min() > 0.0
 
