@@ -25,7 +25,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar, cast
 
 import numpy as np
 
@@ -48,6 +48,7 @@ ERROR = 1  # tag of the message with the error of a follower
 MAKE, END = "make", "end"  # what rank 0 tells besides the names of methods
 SPINS, YIELDS = 200, 2000  # how often a rank looks for a message before it lets others run, and before it sleeps
 NAP = 1e-4  # s; a rank that waits for long keeps no core busy
+Shared = TypeVar("Shared")
 
 
 def mpi_library() -> Any:
@@ -114,13 +115,13 @@ class Ranks:
         if self._process.poll() is not None:
             raise _ending(self._process, self._output)
 
-    def on_first_before_others(self, action: Callable[[], object]) -> None:
-        """Carry out an action on rank 0, then on all others."""
-        if self.rank == 0:
-            action()
-        self.wait(self.comm.Ibarrier())
+    def share(self, make: Callable[[], Shared]) -> Shared:
+        """Return on all ranks what `make` returns on rank 0."""
         if self.rank > 0:
-            action()
+            return cast("Shared", self.hear()[1][0])
+        value = make()
+        self.tell("", value)
+        return value
 
     def require_same(self, code: bytes, what: str) -> None:
         """Raise InputError on all ranks if `code` is not the same on all; `what` says what it is."""

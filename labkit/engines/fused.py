@@ -14,10 +14,10 @@ import numpy as np
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.host import call_common
+from labkit.engines.kernel.host import call_common, level
 from labkit.engines.kernel.layout import CELL_WORK, CONTACT_SUMS, DAMPING_LOSS, SITE_V, SITE_W, SUM_ROWS, WIDTH
 from labkit.engines.kernel.loop import Loop
-from labkit.engines.kernel.machine import machine_code
+from labkit.engines.kernel.machine import code_of, load_code, target_processor
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.kernel.specimen import Kinematics, Pairs, Scale, contacts_among, history_of, require_loadable
@@ -146,16 +146,16 @@ class FusedEngine(Engine):
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * self._scale.mean_diameter, 0
         self._damping = scene.contact_law.local_damping(scene)
-        if self._ranks is None:
-            self._compile()
-        else:
-            self._ranks.on_first_before_others(self._compile)  # which then find the compiled functions in the cache
-            self._ranks.require_same(machine_code(self._functions), "the compiled functions")
-
-    def _compile(self) -> None:
-        scene = self._start.scene
         self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
-        self._functions = compile_functions(scene.contact_law, self._needs)
+        self._functions = self._compile()
+
+    def _compile(self) -> list[int]:
+        """Return the functions of the scene: on all ranks the code of rank 0, since two compilations may differ."""
+        ranks, law = self._ranks, self._start.scene.contact_law
+        if ranks is None or ranks.size == 1:
+            return compile_functions(law, self._needs)
+        ranks.require_same(repr((level(), target_processor())).encode(), "the processors")
+        return load_code(ranks.share(lambda: code_of(compile_functions(law, self._needs))))
 
     def _settle(self) -> None:
         """Compute the forces of a loaded state."""

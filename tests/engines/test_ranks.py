@@ -116,6 +116,24 @@ def test_an_error_on_one_rank_ends_the_run_with_its_sentence(specimen, small_dom
     assert "rank 1: MemoryError: no room; give the same command to resume a run" in done.stderr.splitlines()[-1]
 
 
+COMPILES_NOTHING = """\
+import sys
+if "labkit.engines.followers" in sys.orig_argv:
+    import labkit.engines.kernel.machine as machine
+    del machine.compile_code
+"""
+
+
+def test_all_ranks_execute_the_code_of_the_first_even_if_no_file_can_keep_it(specimen, small_domains, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(SMALL_DOMAINS + COMPILES_NOTHING)
+    nowhere = str(tmp_path / "sitecustomize.py" / "folder")
+    path = os.pathsep.join(map(str, (tmp_path, ROOT)))
+    environment = {**small_domains, "PYTHONPATH": path, "NUMBA_CACHE_DIR": nowhere}
+    words = command(specimen, tmp_path / "r.run.nc", "--ranks", 2)
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_ranks_at_a_checkpoint(number, specimen, small_domains, tmp_path):
     file = tmp_path / "r.run.nc"
@@ -137,7 +155,7 @@ def test_processors_with_other_code_are_told_apart(specimen, small_domains, tmp_
     environment = {**small_domains, followers.LAUNCHER: other}
     words = command(specimen, tmp_path / "r.run.nc", "--ranks", 2)
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
-    assert done.returncode == 2 and "the compiled functions on" in done.stderr, done.stderr
+    assert done.returncode == 2 and "the processors on" in done.stderr, done.stderr
     assert not (tmp_path / "r.run.nc").exists()
 
 

@@ -38,7 +38,7 @@ COMPILES = sys.platform != "emscripten"  # in a browser the library contains the
 PATIENCE = 20.0  # s; a process that compiles may be stopped, as by Ctrl-Z
 _LOADED: dict[
     tuple[str, bytes], tuple[Untyped, int]
-] = {}  # name, hash of the code -> engine, address; references: LLVM frees the code together with its engine
+] = {}  # name, code -> engine, address; references: LLVM frees the code together with its engine
 
 
 @once
@@ -109,6 +109,8 @@ def address_of(
             if address := _load_stored(name, [] if file is None else [file]):
                 return address
             code = compile_code(name, *write(), new_machine(), options)
+            if address := _load_stored(name, [] if file is None else [file]):
+                return address  # a process that did not wait longer was faster: all go on with one code
             if file is not None:
                 write_code(file, code)
         return _load(name, code)
@@ -248,7 +250,7 @@ def compile_code(
 
 def _load(name: str, code: bytes) -> int:
     """Return the address of a function in object code, 0 if it does not contain the function."""
-    key = name, hashlib.sha256(code).digest()
+    key = name, code
     if key not in _LOADED:
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
@@ -257,7 +259,12 @@ def _load(name: str, code: bytes) -> int:
     return _LOADED[key][1]
 
 
-def machine_code(addresses: Iterable[int]) -> bytes:
-    """Return what tells the machine code of functions from that of others: hashes, and the level of the host."""
-    hashes = {address: digest for (_, digest), (_, address) in _LOADED.items()}
-    return b"".join([level().encode(), *(hashes.get(address, b"") for address in addresses)])
+def code_of(addresses: Iterable[int]) -> list[tuple[str, bytes] | None]:
+    """Return name and machine code of the functions at some addresses, None for an address of 0."""
+    codes = {address: key for key, (_, address) in _LOADED.items()}
+    return [codes[address] if address else None for address in addresses]
+
+
+def load_code(codes: Iterable[tuple[str, bytes] | None]) -> list[int]:
+    """Return the addresses of the functions that `code_of` returned, perhaps in another process."""
+    return [0 if code is None else _load(*code) for code in codes]
