@@ -58,10 +58,10 @@ class TurnAndReturn(StressRotation):
         return p * np.eye(3) + np.array([[-normal, 0.0, shear], [0.0, 0.0, 0.0], [shear, 0.0, normal]])
 
 
-def specimen(density: str, seed: int) -> lk.State:
+def specimen(density: str, seed: int, grains: int = GRAINS) -> lk.State:
     """A specimen at isotropic stress."""
     friction = DENSITIES[density][0]
-    recipe = lk.Recipe(preparation="compression", pressure=PRESSURE, grains=GRAINS, step1_friction=friction, seed=seed)
+    recipe = lk.Recipe(preparation="compression", pressure=PRESSURE, grains=grains, step1_friction=friction, seed=seed)
     return lk.make_specimen(recipe, SCENE, engine=DEVICE, progress=False)
 
 

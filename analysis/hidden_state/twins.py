@@ -1,60 +1,55 @@
-"""Twins by state: two histories driven to equal e, Z, Lambda, A, F, F^t, and probed in 12 directions.
+"""Twins by state: two histories driven to equal e, Z, Lambda, A, F, F^t, probed in 12 directions and sheared on.
 
-    python -m analysis.hidden_state.twins RECORDS.nc PAIRS.jsonl [--until 01:10]
+    python -m analysis.hidden_state.twins RECORDS.nc PAIRS.jsonl [--until 07:20]
 
-Finished pairs are not made again. A pair of the sort `other` has members with different kinds of history, one of the
-sort `same` has members with one kind.
+The plan is analysis/plans/twins.md. Finished pairs are not made again. RECORDS.nc is the data set of the tests, from
+which the scales come.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import functools
 import json
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.hidden_state.loading import (
-    COARSE,
-    DENSITIES,
-    DEVICE,
-    FINE,
-    FINELY,
-    RATE,
-    TURNED,
-    from_specimen,
-    held_mean_stress,
-    specimen,
-)
-from analysis.hidden_state.nearest import OTHER, SAME, pairs_of
-from analysis.hidden_state.records import kept, sections_of, strain_of_cells
-from analysis.hidden_state.table import STATE, deviatoric, read, stacked, states_of, tensor
+from analysis.hidden_state.loading import COARSE, DENSITIES, DEVICE, RATE, axial, from_specimen, held_mean_stress, specimen
+from analysis.hidden_state.nearest import OTHER, SAME
+from analysis.hidden_state.records import candidates_of, sections_of, strain_of_cells
+from analysis.hidden_state.records import pairs_of as contacts_of
+from analysis.hidden_state.table import RATES, STATE, deviatoric, read, stacked, states_of, tensor
 from labkit.errors import InputError, PhysicsError
 from labkit.micro import branch_vectors, symmetric, to_six, void_ratio_nominal
 
-SEEDS = (1, 3)
-TESTS = ("small", "large", "compression", "extension", "turn 0.4")
+SEEDS = range(21, 27)
+GRAINS = 2000
+RECENT = 0.02  # accumulated strain since the last reversal up to which an instant is `reversed`
+MONOTONIC, REVERSED = "monotonic", "reversed"
+NEARER = 1.0 / 3.0  # share of the candidate pairs that is used
+MOST, MOST_PACKINGS, MOST_TESTS = 20, 3, 5  # pairs of a sort and density; of two packings; of two tests
 ENOUGH = 0.1  # distance of a twin
-LARGEST = 0.01  # norm of an increment
-INCREMENTS, ROUNDS = 2, 5
-STEP = 1e-3  # strain of the finite differences
-PROBE = 0.002  # norm of the deviatoric strain of a probe
-MOST = 20  # pairs of a sort
+WINDOW, INCREMENTS = 0.009, 3  # strain of a history that is driven anew, and the increments of it
+STEP, BULK = 1e-3, 0.05  # strain of the finite differences; the same for volumetric strain, as a share
+DAMPING, LEAST_DAMPING, EVALUATIONS = 8.0, 1.0, 50
+PROBE, ON = 0.002, 0.02  # norm of the deviatoric strain of a probe; axial strain of shearing on
+DIGITS = 4  # significant digits that are stored
 
 
 def directions() -> np.ndarray:
     """Twelve directions of deviatoric strain, (12, 6): shear in three planes, extension and compression, both signs."""
     shear = np.eye(6)[3:]
-    axial = np.array([-0.5, -0.5, 1.0, 0.0, 0.0, 0.0]) * np.sqrt(2.0 / 3.0)
+    axial_strain = np.array([-0.5, -0.5, 1.0, 0.0, 0.0, 0.0]) * np.sqrt(2.0 / 3.0)
     across = np.array([1.0, -1.0, 0.0, 0.0, 0.0, 0.0]) / np.sqrt(2.0)
-    mixed = (axial + shear[1]) / np.sqrt(2.0)
-    half = np.array([axial, across, *shear, mixed])
+    mixed = (axial_strain + shear[1]) / np.sqrt(2.0)
+    half = np.array([axial_strain, across, *shear, mixed])
     return np.concatenate([half, -half])
 
 
@@ -89,13 +84,12 @@ def values_of(state: lk.State) -> dict[str, np.ndarray]:
 
 
 class Scale:
-    """Divides states by their standard deviations over all records of a density."""
+    """Divides states and rates by their standard deviations over all records of a density."""
 
     def __init__(self, rows: pandas.DataFrame) -> None:
         """`rows`: the states of a density."""
-        columns = {name: stacked(rows, name) for name in STATE}
+        columns = {name: stacked(rows, name) for name in (*STATE, *RATES)}
         self.size = {name: np.sqrt(((v - v.mean(axis=0)) ** 2).sum(axis=1).mean()) for name, v in columns.items()}
-        self.D = float(stacked(rows, "D").std())
 
     def vector(self, values: dict[str, np.ndarray]) -> np.ndarray:
         """The scaled state, (21,); the norm of a difference is the distance."""
@@ -103,148 +97,247 @@ class Scale:
         return np.concatenate(parts) / np.sqrt(len(STATE))
 
 
-@functools.cache
-def begun(density: str, seed: int) -> lk.State:
-    """The specimen."""
-    return specimen(density, seed)
+@dataclasses.dataclass(frozen=True)
+class Instant:
+    """An instant of a history that may become a member of a pair.
+
+    Args:
+        labels: Test, seed, number of reversals and kind.
+        values: e, Z, Lambda, A, F, F^t.
+        state: The grains, at rest.
+        back: Index of the earlier instant of the same history from which the member is driven, and the increments of
+            strain between, (INCREMENTS, 6).
+        since: Pairs of grains in contact at the last reversal (or at the start).
+    """
+
+    test: str
+    seed: int
+    section: int
+    values: dict[str, np.ndarray]
+    state: lk.State
+    begin: lk.State
+    increments: np.ndarray
+    since: np.ndarray
+
+    @property
+    def kind(self) -> str:
+        """MONOTONIC or REVERSED."""
+        return REVERSED if self.section else MONOTONIC
 
 
-@functools.cache
-def snapshots(density: str, seed: int, test: str) -> tuple[lk.Snapshot, ...]:
-    """The snapshots of a test at the records that are kept."""
-    path = from_specimen(density)[test]
-    turning = TURNED * float(path.strain) if test.startswith("turn") else FINE
-    interval = turning if test.startswith(FINELY) else COARSE
-    run = lk.run(begun(density, seed), path, engine=DEVICE, progress=False, record_strain=interval, snapshots=10_000)
+def histories(density: str) -> dict[str, lk.Path]:
+    """The histories by name."""
+    longer = from_specimen(density)
+    ends = {"compression": axial(0.06), "extension": axial(-0.06)}
+    return {**ends, "small": longer["small"], "large": longer["large"]}
+
+
+def instants_of(run: lk.Run, begun: lk.State, test: str, seed: int) -> Iterator[Instant]:
+    """The instants of a history that are monotonic or have reversed lately."""
     data = run.data.isel(time=np.unique(run.data["record"].values.astype(int)))
-    chosen = kept(sections_of(to_six(strain_of_cells(data["cell"].values))))
-    return tuple(run.snapshots[int(k)] for k in chosen)
+    strain = to_six(strain_of_cells(data["cell"].values))
+    section = sections_of(strain)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(deviatoric(strain), axis=0), axis=1))])
+    states = [state_of_snapshot(snapshot, begun) for snapshot in run.snapshots]
+    since, turned = contacts_of(run.snapshots[0]), 0.0
+    for k in range(1, len(states)):
+        if section[k] > section[k - 1]:
+            since, turned = contacts_of(run.snapshots[k - 1]), along[k - 1]
+        if section[k] and along[k] - turned > RECENT:
+            continue
+        back = min(int(np.searchsorted(along, along[k] - WINDOW)), k - 1)
+        parts = np.array_split(np.diff(strain[back : k + 1], axis=0), INCREMENTS)
+        increments = np.array([part.sum(axis=0) for part in parts])
+        yield Instant(test, seed, int(section[k]), values_of(states[k]), states[k], states[back], increments, since)
+
+
+@functools.cache
+def instants(density: str, seed: int) -> list[Instant]:
+    """All instants of a packing."""
+    begun, found = specimen(density, seed, GRAINS), []
+    for test, path in histories(density).items():
+        run = lk.run(begun, path, engine=DEVICE, progress=False, record_strain=COARSE, snapshots=10_000)
+        found += instants_of(run, begun, test, seed)
+    return found
+
+
+def sort_of(first: Instant, second: Instant) -> str | None:
+    """OTHER, SAME, or None if a pair is neither."""
+    if first.kind != second.kind:
+        return OTHER
+    alike = first.test == second.test and first.section == second.section
+    return SAME if alike else None
+
+
+def chosen_pairs(density: str, scale: Scale) -> dict[str, list[tuple[Instant, Instant]]]:
+    """The pairs of a density in the order in which they are driven, by sort."""
+    generator, found = np.random.default_rng(1), {OTHER: [], SAME: []}
+    for seed in SEEDS:
+        for other in SEEDS:
+            if seed == other:
+                continue
+            seconds = instants(density, other)
+            x = np.array([scale.vector(one.values) for one in seconds])
+            for first in instants(density, seed):
+                far = np.linalg.norm(x - scale.vector(first.values), axis=1)
+                for sort, pairs in found.items():
+                    allowed = np.array([sort_of(first, second) == sort for second in seconds])
+                    if allowed.any():
+                        j = int(np.where(allowed, far, np.inf).argmin())
+                        pairs.append((float(far[j]), first, seconds[j]))
+    chosen = {}
+    for sort, pairs in found.items():
+        pairs.sort(key=lambda pair: pair[0])
+        nearer = pairs[: round(NEARER * len(pairs))]
+        order = generator.permutation(len(nearer))
+        packings: dict[frozenset[int], int] = {}
+        tests: dict[frozenset[str], int] = {}
+        chosen[sort] = []
+        for k in order:
+            _, first, second = nearer[k]
+            keys = frozenset((first.seed, second.seed)), frozenset((first.test, second.test))
+            if packings.get(keys[0], 0) < MOST_PACKINGS and tests.get(keys[1], 0) < 2 * MOST_TESTS:
+                packings[keys[0]], tests[keys[1]] = packings.get(keys[0], 0) + 1, tests.get(keys[1], 0) + 1
+                chosen[sort].append((first, second))
+    return chosen
 
 
 def strained(state: lk.State, increments: np.ndarray) -> lk.State:
-    """The State after some increments of strain (n, 6), each at most LARGEST."""
+    """The State after increments of strain (n, 6)."""
     for increment in increments:
-        size = np.linalg.norm(increment)
-        if size > 1e-6:
-            six = increment * min(1.0, LARGEST / size)
-            state = lk.Element(state, engine=DEVICE, rate=RATE).strain(tensor(six)).state
+        state = lk.Element(state, engine=DEVICE, rate=RATE).strain(tensor(increment)).state
     return state
 
 
-def driven(state: lk.State, target: np.ndarray, scale: Scale) -> tuple[lk.State, float, float]:
+def shares(x: np.ndarray) -> np.ndarray:
+    """Increments of strain (n, 6) of parameters (6 n,), in which volumetric strain counts less by BULK."""
+    own = x.reshape(-1, 6)
+    off = deviatoric(own)
+    return off + BULK * (own - off)
+
+
+def driven(begin: lk.State, increments: np.ndarray, target: np.ndarray, scale: Scale) -> tuple[lk.State, float, float]:
     """Gauss-Newton with Broyden's update towards a scaled state; (State, distance before, distance reached)."""
 
     def reached(x: np.ndarray) -> tuple[lk.State, np.ndarray]:
-        found = strained(state, x.reshape(INCREMENTS, 6))
+        found = strained(begin, increments + shares(x))
         return found, scale.vector(values_of(found)) - target
 
-    x = np.zeros(6 * INCREMENTS)
-    begin, off = reached(x)
-    best, before = (begin, float(np.linalg.norm(off)), x, off), float(np.linalg.norm(off))
+    x = np.zeros(increments.size)
+    state, off = reached(x)
+    before, damping, count = float(np.linalg.norm(off)), DAMPING, 1
+    if before < ENOUGH:
+        return state, before, before
     slopes = np.stack([(reached(STEP * unit)[1] - off) / STEP for unit in np.eye(x.size)], axis=1)
-    damping = 0.1
-    for _ in range(ROUNDS):
-        _, least, x, off = best
-        if least < ENOUGH:
-            break
-        size = np.linalg.norm(slopes, ord=2)
-        padded = np.concatenate([slopes, damping * size * np.eye(x.size)])
+    count += x.size
+    while np.linalg.norm(off) >= ENOUGH and count < EVALUATIONS:
+        padded = np.concatenate([slopes, damping * np.eye(x.size)])
         step = np.linalg.lstsq(padded, np.concatenate([-off, np.zeros(x.size)]), rcond=None)[0]
-        found, now = reached(x + step)
+        there, now = reached(x + step)
+        count += 1
         slopes = slopes + np.outer(now - off - slopes @ step, step) / max(step @ step, 1e-12)
-        if np.linalg.norm(now) < least:
-            best, damping = (found, float(np.linalg.norm(now)), x + step, now), damping / 2.0
+        if np.linalg.norm(now) < np.linalg.norm(off):
+            state, x, off, damping = there, x + step, now, max(damping / 3.0, LEAST_DAMPING)
         else:
-            damping *= 3.0
-    return best[0], before, best[1]
+            damping *= 4.0
+    return state, before, float(np.linalg.norm(off))
 
 
-def probed(state: lk.State) -> np.ndarray:
-    """D in the twelve directions at held mean stress, (12,)."""
+def probed(state: lk.State) -> dict[str, np.ndarray]:
+    """The six rates in the twelve directions at held mean stress, (12,) or (12, 6)."""
     pressure = float(lk.mean_stress(lk.love_stress(state.snapshot())))
-    found = []
+    start, rows = values_of(state), []
     for n in directions():
         path = held_mean_stress(tensor(n), PROBE, pressure)
         run = lk.run(state.at_rest(), path, engine=DEVICE, progress=False, record_strain=PROBE / 4.0, snapshots=0)
         strain = to_six(strain_of_cells(run.data["cell"].values))[-1]
-        found.append(strain[:3].sum() / np.linalg.norm(deviatoric(strain)))
+        size, end = np.linalg.norm(deviatoric(strain)), values_of(run.state)
+        row = {f"d{name}": (end[name] - start[name]) / size for name in STATE[1:]}
+        rows.append(row | {"D": np.array([strain[:3].sum() / size])})
+    return {name: np.array([row[name] for row in rows]) for name in RATES}
+
+
+def sheared_on(state: lk.State) -> np.ndarray:
+    """Volumetric strain at 0, 0.5, 1 and 2 % of axial strain at held mean stress, (2, 4): compression, extension."""
+    pressure = float(lk.mean_stress(lk.love_stress(state.snapshot())))
+    found = []
+    for sign in (1.0, -1.0):
+        path = held_mean_stress(sign * tensor(directions()[0]), ON * np.sqrt(1.5), pressure)
+        interval = ON * np.sqrt(1.5) / 20.0
+        run = lk.run(state.at_rest(), path, engine=DEVICE, progress=False, record_strain=interval, snapshots=0)
+        strain = strain_of_cells(run.data["cell"].values)
+        volume = np.trace(strain, axis1=1, axis2=2)
+        found.append(np.interp([0.0, 0.005, 0.01, 0.02], np.abs(strain[:, 2, 2]), volume))
     return np.array(found)
 
 
-def chosen_pairs(rows: pandas.DataFrame) -> Iterator[pandas.Series]:
-    """Pairs of nearest states in random order, densities and sorts in turn, each pair of tests at most twice."""
-    own = rows[rows["seed"].isin(SEEDS) & rows["test"].isin(TESTS)].reset_index(drop=True)
-    pairs = pairs_of(own)
-    labels = ("test", "seed", "record", "kind")
-    sides = [own.loc[pairs[key], labels].reset_index(drop=True).add_suffix(f"_{key}") for key in ("i", "j")]
-    pairs = pandas.concat([pairs, *sides], axis=1).sample(frac=1.0, random_state=1)
-    pairs["rank"] = pairs.groupby(["density", "sort", "test_i", "test_j"]).cumcount()
-    pairs = pairs[pairs["rank"] < 2]
-    pairs["turn"] = pairs.groupby(["density", "sort"]).cumcount()
-    pairs = pairs[pairs["turn"] < MOST // len(DENSITIES) + 1]
-    for _, pair in pairs.sort_values(["turn", "density", "sort"]).iterrows():
-        yield pair
+def rounded(values: np.ndarray) -> list[object]:
+    """Nested lists of numbers with DIGITS significant digits."""
+    made: list[object] = np.vectorize(lambda value: float(f"{value:.{DIGITS - 1}e}"))(values).tolist()
+    return made
 
 
-def twin(pair: pandas.Series, scale: Scale) -> dict[str, object]:
-    """Drive the second member of a pair to the state of the first, and probe both."""
-    members = []
-    for key in ("i", "j"):
-        seed = int(pair[f"seed_{key}"])
-        snapshot = snapshots(pair["density"], seed, pair[f"test_{key}"])[int(pair[f"record_{key}"])]
-        members.append(state_of_snapshot(snapshot, begun(pair["density"], seed)))
-    first = strained(members[0], 1e-5 * np.eye(6)[5:])  # as much at rest as the other
-    state, before, distance = driven(members[1], scale.vector(values_of(first)), scale)
-    D = np.array([probed(first), probed(state)]) / scale.D
-    return {"before": before, "distance": distance, "first": D[0].tolist(), "second": D[1].tolist()}
+def member(state: lk.State, since: np.ndarray, scale: Scale) -> dict[str, object]:
+    """What is stored of a member: D, volume, the state and the candidates; and its rates, scaled, for `twin`."""
+    rates = {name: values / scale.size[name] for name, values in probed(state).items()}
+    hidden = candidates_of(state.snapshot(), state.scene, since)
+    kept = {name: np.atleast_1d(value) for name, value in (values_of(state) | hidden).items() if name != "new"}
+    return {"rates": rates, "on": sheared_on(state), "kept": kept}
+
+
+def twin(first: Instant, second: Instant, scale: Scale) -> dict[str, object]:
+    """Drive the second member of a pair to the state of the first and, if they are near, probe both."""
+    fixed = strained(first.state, 1e-5 * np.eye(6)[5:])  # as much at rest as the other
+    target = scale.vector(values_of(fixed))
+    state, before, distance = driven(second.begin, second.increments, target, scale)
+    row: dict[str, object] = {"before": round(before, 4), "distance": round(distance, 4)}
+    if distance >= 2.0 * ENOUGH:
+        return row
+    a, b = (member(each, one.since, scale) for each, one in ((fixed, first), (state, second)))
+    row["off"] = {name: rounded(np.linalg.norm(a["rates"][name] - b["rates"][name], axis=1)) for name in RATES}
+    row["D"] = [rounded(each["rates"]["D"][:, 0]) for each in (a, b)]
+    row["on"] = [rounded(each["on"]) for each in (a, b)]
+    row["state"] = {name: [rounded(each["kept"][name]) for each in (a, b)] for name in a["kept"]}
+    return row
 
 
 def make_pairs(records: Path, file: Path) -> Iterator[str]:
     """Make the pairs that a file lacks, yielding a line about each."""
     rows = states_of(read(records))
+    lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()] if file.exists() else []
+    done = {line["name"] for line in lines}
+    twins = pandas.Series([(line["density"], line["sort"]) for line in lines if line.get("distance", 1.0) < ENOUGH])
+    count = twins.value_counts().to_dict()
     scales = {density: Scale(own) for density, own in rows.groupby("density")}
-    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
-    done = {json.loads(line)["name"] for line in lines}
-    for pair in chosen_pairs(rows):
-        ends = [f"{pair[f'test_{key}']} s{pair[f'seed_{key}']} {pair[f'record_{key}']}" for key in ("i", "j")]
-        name = f"{pair['density']} {pair['sort']}: {ends[0]}, {ends[1]}"
-        if name in done:
-            continue
-        try:
-            found = twin(pair, scales[pair["density"]])
-        except (PhysicsError, InputError) as error:
-            found = {"failed": str(error)}
-        row = {"name": name, "density": pair["density"], "sort": pair["sort"], "nearest": pair["distance"], **found}
-        with file.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(row) + "\n")
-        yield f"{time.process_time():7.1f} s {name} {found.get('before')} {found.get('distance')}"
+    queues = {}
+    for density in DENSITIES:
+        for sort, pairs in chosen_pairs(density, scales[density]).items():
+            queues[density, sort] = iter(pairs)
+        yield f"{time.process_time():7.1f} s histories {density}"
+    while queues:
+        for key in list(queues):
+            pair = next(queues[key], None)
+            if pair is None or count.get(key, 0) >= MOST:
+                del queues[key]
+                continue
+            yield from _made(key, pair, scales[key[0]], done, file, count)
 
 
-def compared_twins(lines: Sequence[dict[str, object]]) -> tuple[pandas.DataFrame, pandas.DataFrame]:
-    """(a row per pair, a row per density and sort): root mean square difference of D in the twelve directions.
-
-    The second table ends with the ratio of `other` to `same` over all pairs, with a bootstrap over pairs.
-    """
-    rows = []
-    for line in lines:
-        if "failed" not in line:
-            first, second = (np.array(line[key], float) for key in ("first", "second"))
-            row = {key: line[key] for key in ("name", "density", "sort", "nearest", "before", "distance")}
-            rows.append(row | {"D": float(np.sqrt(((first - second) ** 2).mean()))})
-    each = pandas.DataFrame(rows)
-    groups = each.groupby(["density", "sort"], sort=False)
-    table = groups.agg(pairs=("D", "size"), distance=("distance", "mean"), least=("distance", "min"))
-    table["D"] = np.sqrt(groups["D"].apply(lambda values: (values**2).mean()))
-    generator, squares = (
-        np.random.default_rng(1),
-        {sort: own["D"].to_numpy() ** 2 for sort, own in each.groupby("sort")},
-    )
-    if len(squares) == 2:
-        other, same = (generator.choice(squares[sort], (2000, squares[sort].size)).mean(1) for sort in (OTHER, SAME))
-        low, high = np.quantile(np.sqrt(other / same), [0.025, 0.975])
-        ratio = np.sqrt(squares[OTHER].mean() / squares[SAME].mean())
-        table.loc[("all", "ratio"), ["pairs", "D", "low", "high"]] = len(each), ratio, low, high
-    return each, table.reset_index()
+def _made(key, pair, scale, done, file, count) -> Iterator[str]:
+    names = [f"{one.test} s{one.seed} r{one.section} e {float(one.values['e'][0]):.5f}" for one in pair]
+    name = f"{key[0]} {key[1]}: {names[0]}, {names[1]}"
+    if name in done:
+        return
+    labels = {"name": name, "density": key[0], "sort": key[1]}
+    tests = {"tests": [one.test for one in pair], "seeds": [one.seed for one in pair], "sections": [one.section for one in pair]}
+    try:
+        found = twin(*pair, scale)
+    except (PhysicsError, InputError) as error:
+        found = {"failed": str(error)}
+    count[key] = count.get(key, 0) + (found.get("distance", 1.0) < ENOUGH)
+    with file.open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps(labels | tests | found) + "\n")
+    yield f"{time.process_time():7.1f} s {name} {found.get('before')} {found.get('distance')}"
 
 
 def main() -> None:
