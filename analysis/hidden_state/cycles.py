@@ -28,7 +28,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.micro import to_six
 from labkit.model import ConstitutiveLaw, as_run, drive
 
-RATIOS = {"medium": (0.3, 0.25, 0.2), "loose": (0.2, 0.15, 0.1)}  # amplitude of q over p; CSR is half of it
+RATIOS = {"medium": (0.6, 0.5, 0.4), "loose": (0.2, 0.15, 0.1)}  # amplitude of q over p; CSR is half of it
 MOST, LIQUEFIED = 30, "r_u > 0.95"
 GRAINS = "grains"
 

@@ -13,7 +13,7 @@ from labkit.plugins.umat import Library, build, copy_sources
 
 
 def main(columns: int = 8, strain: float = 0.01, increments: int = 20) -> None:
-    """Solve the test on `columns` x `2 columns` elements and print the stress at the end."""
+    """Solve the test on `columns` x `2 columns` elements, then a cycle of this strain, and print how Newton fared."""
     model = Model()
     with tempfile.TemporaryDirectory() as scratch:
         copy_sources(Path(scratch))
@@ -32,6 +32,10 @@ def main(columns: int = 8, strain: float = 0.01, increments: int = 20) -> None:
             stress, iterations = history.stress[-1] / 1e6, history.iterations.mean()
             print(f"{problem.program}: {stress:.4f} MPa at {history.strain[-1]:.2%} axial strain, "
                   f"{iterations:.2f} iterations per increment")  # fmt: skip
+            cycle = [problem.run(change, 2 * increments, lambda done, text: None) for change in (-2 * strain, 2 * strain)]
+            counts = [int(count) for part in cycle for count in part.iterations]
+            print(f"{problem.program}: {sum(counts) / len(counts):.2f} iterations per increment over one cycle, "
+                  f"at most {max(counts)}, {sum(part.cuts for part in cycle)} increments halved")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -81,22 +81,23 @@ class Biaxial(abc.ABC):
         return 2 * self.columns**2
 
     def run(self, strain: float, increments: int, progress: Callable[[float, str], None]) -> History:
-        """Compress the specimen by an axial strain in equal increments; returns the History.
+        """Strain the specimen axially in equal increments, compression positive; returns the History of this strain.
 
-        Ends early if an increment cannot be solved after it was halved eight times.
+        Another call goes on from there, and reverses if its strain has the other sign. Ends early if an increment cannot
+        be solved after it was halved eight times.
         """
         history, begin, goal = History(), time.perf_counter(), strain / increments
         step, done, change = goal, 0.0, self.uniform(goal)  # change of displacement over the increment to `goal`
-        while done < strain * (1.0 - 1e-9):
-            step = min(step, strain - done)
+        while abs(done) < abs(strain) * (1.0 - 1e-9):
+            step = min(step, strain - done, key=abs)
             found = self.increment(step, change * step / goal)
             if found is None:
                 history.cuts, step, change = history.cuts + 1, 0.5 * step, self.uniform(goal)
-                if step < goal / 256:
+                if abs(step) < abs(goal) / 256:
                     break
                 continue
             change, done = found.change * goal / step, done + step
-            step = min(goal, 2.0 * step)
+            step = min(goal, 2.0 * step, key=abs)
             history.residuals.append(found.residuals)
             history.strain.append(done)
             history.stress.append(found.force / WIDTH)

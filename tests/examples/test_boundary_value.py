@@ -78,6 +78,18 @@ def test_newton_converges_quadratically():
     assert e[0, 0].mean() > e[0, 1].mean() > e[3, 1].mean()  # looser at the lower left corner
 
 
+def test_newton_converges_quadratically_over_a_cycle():
+    """Extension after compression and back: the residual falls as in first loading, from the first increment on."""
+    problem = in_python(columns=2)
+    parts = [solve(problem, strain, increments) for strain, increments in ((0.002, 4), (-0.004, 8), (0.004, 8))]
+    for history, strain in zip(parts, (0.002, -0.004, 0.004), strict=True):
+        assert history.strain[-1] == pytest.approx(strain) and history.cuts == 0
+        assert history.iterations.max() <= 6
+        assert all(residuals[-1] < definition.TOLERANCE for residuals in history.residuals)
+    compressed, extended, again = (history.stress[-1] for history in parts)
+    assert extended < min(compressed, again)
+
+
 def test_kratos_and_scikit_fem_find_the_same_solution(in_kratos, library):
     problem, model = in_kratos(2), Model()
     history = solve(problem, increments=2)
