@@ -1,4 +1,4 @@
-"""Laws that follow recorded tests: labkit's models, the two forms in one of them, and peers with a memory for reversals.
+"""Laws that follow recorded tests: labkit's models, the two forms in one of them, and peers with a memory.
 
 The deviatoric strain is that of the grains and the mean stress is held, so that dilatancy is predicted.
 """
@@ -6,7 +6,7 @@ The deviatoric strain is that of the grains and the mean stress is held, so that
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas
@@ -35,7 +35,7 @@ SUBSTEP = 1.5e-4  # largest strain of a step of TwoForms
 LEAST = 1e-3  # least Lambda, as a share of the first
 SHEARED = 0.1  # q/p from which Lode angles are compared
 TOGETHER = {"dense": "dense, medium", "medium": "dense, medium", "loose": "loose"}
-VALUES = ("D", "s/p", "volume", "Lode", "A", "F")
+VALUES = ("D", "stress", "volume", "Lode", "A", "F")
 IDENTITY = to_six(np.eye(3))
 
 
@@ -142,7 +142,7 @@ def errors_of(law: ConstitutiveLaw | TwoForms, y: np.ndarray, test: Test) -> dic
         return row
     stress, grains = np.array([model.stress(state) for state in states]), tensors(test["stress"])
     ratio, truth = (deviator_ratio(sigma) for sigma in (stress, grains))
-    row["s/p"] = percent(ratio - truth[:m], truth)
+    row["stress"] = percent(ratio - truth[:m], truth)
     if isinstance(law, TwoForms):  # e is integrated, strain is not
         volume = np.log1p(states[0, 0]) - np.log1p(states[:, 0])
     else:
@@ -253,7 +253,7 @@ def contest(
 
 
 def by_packing(errors: pandas.DataFrame) -> pandas.DataFrame:
-    """Means of the sizes of errors over the tests of a packing: part, densities, group, law, packing, VALUES, failed."""
+    """Means of errors over the tests of a packing: part, densities, group, law, packing, VALUES, failed, tests."""
     own = errors.assign(
         part=np.where(errors["seed"].isin(TRAINING), "training", "held out"),
         densities=errors["density"].map(TOGETHER),
@@ -266,10 +266,20 @@ def by_packing(errors: pandas.DataFrame) -> pandas.DataFrame:
     return means.join(own.groupby(keys, sort=False)[["failed", "tests"]].sum()).reset_index()
 
 
-def summary(errors: pandas.DataFrame) -> pandas.DataFrame:
-    """Means over packings with 95 % intervals (t), a row per part, densities, group and law."""
+def memory_table(laws: Mapping[str, ConstitutiveLaw | TwoForms], peers: Mapping[str, RateLaw]) -> pandas.DataFrame:
+    """The MEMORY constants as stored and as fitted."""
     rows = []
-    for labels, own in by_packing(errors).groupby(["part", "densities", "group", "law"], sort=False):
+    for name, constants in MEMORY.items():
+        fitted = laws[f"{name}, reversals"]
+        assert isinstance(fitted, RateLaw)
+        rows += [(name, constant, peers[name].values[constant], fitted.values[constant]) for constant in constants]
+    return pandas.DataFrame(rows, columns=["law", "constant", "stored", "fitted"])
+
+
+def summary(table: pandas.DataFrame) -> pandas.DataFrame:
+    """Means over packings (by_packing) with 95 % intervals (t), a row per part, densities, group and law."""
+    rows = []
+    for labels, own in table.groupby(["part", "densities", "group", "law"], sort=False):
         row = dict(zip(("part", "densities", "group", "law"), labels, strict=True))
         row |= {"packings": len(own), "tests": own["tests"].sum(), "failed": own["failed"].sum()}
         for name in VALUES:
@@ -281,7 +291,7 @@ def summary(errors: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-COMPARED, LOOKS = ("s/p", "volume"), 24
+COMPARED, LOOKS = ("stress", "volume"), 24
 
 
 def against_peers(errors: pandas.DataFrame, own: Sequence[str], peers: Sequence[str]) -> pandas.DataFrame:
@@ -297,6 +307,7 @@ def against_peers(errors: pandas.DataFrame, own: Sequence[str], peers: Sequence[
                 n = len(off)
                 within = t.ppf(1.0 - 0.025 / LOOKS, n - 1) * off.std() / np.sqrt(n)
                 verdict = "smaller" if off.mean() < -within else "larger" if off.mean() > within else "not resolved"
-                rows.append((group, value, name, best, wide[name].mean(), wide[best].mean(), off.mean(), within, n, verdict))
+                means = wide[name].mean(), wide[best].mean(), off.mean()
+                rows.append((group, value, name, best, *means, within, n, verdict))
     columns = "group value law best_peer own peer difference within packings verdict".split()
     return pandas.DataFrame(rows, columns=columns)

@@ -23,7 +23,7 @@ from analysis.hidden_state.contest import TwoForms, vector_of
 from analysis.hidden_state.law import Constants
 from analysis.hidden_state.loading import DEVICE, PRESSURE, RATE, SEEDS, specimen
 from analysis.hidden_state.table import Test
-from analysis.hidden_state.twins import rounded, values_of
+from analysis.hidden_state.twins import values_of, with_digits
 from labkit.errors import InputError, PhysicsError
 from labkit.micro import to_six
 from labkit.model import ConstitutiveLaw, as_run, drive
@@ -49,8 +49,8 @@ def tests(file: Path) -> Iterator[str]:
                     continue
                 state, ended = specimen(density, seed), ""
                 snapshot = state.snapshot()
-                start = {name: rounded(values) for name, values in values_of(state).items()}
-                start["stress"] = rounded(to_six(lk.love_stress(snapshot)))
+                start = {name: with_digits(values) for name, values in values_of(state).items()}
+                start["stress"] = with_digits(to_six(lk.love_stress(snapshot)))
                 try:
                     run = lk.run(
                         state, path_of(ratios[k]), engine=DEVICE, progress=False, snapshots=0, stop_when=LIQUEFIED
@@ -75,7 +75,7 @@ def start_of(row: dict[str, object]) -> Test:
     columns = {name: values.reshape(1, -1) for name, values in columns.items()}
     columns |= {name: columns[name][:, 0] for name in ("Z", "Lambda")}
     e = np.array(row["e"], float).ravel()
-    return Test(str(row["density"]), str(row["density"]), int(row["seed"]), {"e": e, **columns}, 0.0, "")  # type: ignore[call-overload]
+    return Test("undrained", str(row["density"]), int(row["seed"]), {"e": e, **columns}, 0.0, "")  # type: ignore[call-overload]
 
 
 def counted(
@@ -105,7 +105,8 @@ def errors_of_cycles(table: pandas.DataFrame) -> pandas.DataFrame:
     truth = table[table["law"] == GRAINS].set_index(keys)["N"]
     own = table[table["law"] != GRAINS]
     off = np.log(own["N"]) - np.log(truth.reindex(pandas.MultiIndex.from_frame(own[keys])).to_numpy())
-    square = own.assign(square=off**2, off=off).groupby(["density", "law", "seed"], sort=False)[["square", "off"]].mean()
+    by_specimen = own.assign(square=off**2, off=off).groupby(["density", "law", "seed"], sort=False)
+    square = by_specimen[["square", "off"]].mean()
     rows = []
     for (density, law), each in square.groupby(level=[0, 1], sort=False):
         values, n = np.sqrt(each["square"].dropna()), int(each["square"].notna().sum())

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas
 from scipy.stats import t
 
-from analysis.hidden_state.law import Constants, stiff
+from analysis.hidden_state.contest import TwoForms, vector_of
+from analysis.hidden_state.law import Constants
 from analysis.hidden_state.loading import HELD_OUT
-from analysis.hidden_state.table import Test, deviatoric, tensor
+from analysis.hidden_state.table import Test
 from analysis.peers.laws import PEERS
 from analysis.places import results_folder
 from labkit.micro import mean_stress
-from labkit.model import Adaptive, Model, ModelState, Point, Problem, RateLaw, drive, strain_control
+from labkit.model import Adaptive, ConstitutiveLaw, Model, Point, RateLaw
 from labkit.paths import make_path
 
 BEFORE = {"pre+": 1, "pre-": -1, "control": 0}
@@ -26,7 +26,7 @@ STRAIN, STEPS = 0.03, 300
 JUDGED_SEEDS = (*HELD_OUT, 5, 6)
 LEAST = 1e-3  # least p/p_0 that is told apart from zero
 ALIKE = 0.004  # largest difference of e between pre+ and pre-
-GRAINS, FORMS = "grains", "two forms"
+GRAINS = "grains"
 THERE = np.array([-0.5, -0.5, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -46,14 +46,6 @@ def of_grains(tests: Sequence[Test]) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def start_of(test: Test, model: Model) -> ModelState:
-    """The measured state; Lambda is such that C0 gives the mean stress of the grains."""
-    A, F, Ft = (tensor(deviatoric(test[name][0])) for name in ("A", "F", "Ft"))
-    state = ModelState(float(test["e"][0]), float(test["Z"][0]), float(test["Lambda"][0]), A, F, Ft)
-    factor = float(test["stress"][0, :3].mean() / mean_stress(state.stress(model)))
-    return dataclasses.replace(state, Lam=state.Lam * factor)
-
-
 def own_models() -> dict[str, Model]:
     """The stored models, beyond e_cmax too."""
     results = Path(results_folder())
@@ -70,43 +62,36 @@ def peer_laws() -> dict[str, RateLaw]:
     return {name: kinds.get(name, kinds["acst"])(**values) for name, values in stored.items()}
 
 
-def of_forms(model: Model, constants: Constants, state: ModelState, sign: int) -> np.ndarray:
-    """p at constant volume of a model with both forms in C3 and C4, (STEPS + 1,), Pa, to STRAIN of axial strain."""
+def at_constant_volume(forms: TwoForms, y: np.ndarray, sign: int) -> np.ndarray:
+    """p of the two forms, (STEPS + 1,), Pa, to STRAIN of axial strain."""
     n, size = sign * THERE / np.linalg.norm(THERE), STRAIN * np.sqrt(1.5) / STEPS
-    problem, rate_of_F = Problem(model, strain_control(tensor(n))), stiff(constants, clipped_range=True)
-    y, found = state.vector(), []
-    for _ in range(STEPS + 1):
-        found.append(float(mean_stress(model.stress(y))))
-        e, Z, Lam = (float(value) for value in y[:3])
-        rates = problem.rates(y)
-        rates[2] *= y[3:9] @ n / np.polyval(constants.A_c, e)
-        rates[9:15] = rate_of_F(y[9:15], n, Z, e, Lam)
-        y = y + size * rates
-        y[1:3] = np.maximum(y[1:3], (0.1, LEAST * state.Lam))
+    found = [float(mean_stress(forms.model.stress(y)))]
+    forms.begin(y)
+    for _ in range(STEPS):
+        y = forms.advance(y, n, size)
+        found.append(float(mean_stress(forms.model.stress(y))))
     return np.array(found)
 
 
-def predictions(tests: Sequence[Test], constants: Constants) -> pandas.DataFrame:
-    """The rows of the grains, and the same with `least` of each model and peer; NaN if a law is undefined there."""
+def predictions(
+    tests: Sequence[Test], laws: Mapping[str, ConstitutiveLaw | TwoForms], constants: Constants
+) -> pandas.DataFrame:
+    """The rows of the grains, and the same with `least` of each law; NaN if a law is undefined there."""
     grains = of_grains(tests)
-    models, laws = own_models(), peer_laws()
     by_name = {(test.density, test.seed, test.name): test for test in tests}
     rows = [grains]
     for row in grains.to_dict("records"):
         test = by_name[row["density"], row["seed"], f"{row['before']} {row['direction']}"]
         sign = DIRECTIONS[row["direction"]]
-        found: dict[str, np.ndarray] = {}
-        for name, model in models.items():
-            result = drive(model, make_path("cv", {"strain": STRAIN * sign}), start_of(test, model))
-            found[name] = result.p
-        found[FORMS] = of_forms(models["calibrated"], constants, start_of(test, models["calibrated"]), sign)
         path = make_path("cv", {"strain": STRAIN * sign}).starting_at(float(test["stress"][0, :3].mean()))
         for name, law in laws.items():
-            y = law.start(row["e"], tensor(test["stress"][0]))
-            vectors = Point(law, path, y, Adaptive(), STRAIN / 60.0).result(None).vector
-            found[name] = mean_stress(np.array([law.stress(vector) for vector in vectors]))
-        least = {name: max(float((p / p[0]).min()), LEAST) for name, p in found.items()}
-        rows.append(pandas.DataFrame([row | {"model": name, "least": value} for name, value in least.items()]))
+            if isinstance(law, TwoForms):
+                p = at_constant_volume(law, vector_of(name, law.model, test, constants), sign)
+            else:
+                y = vector_of(name, law, test, constants)
+                vectors = Point(law, path, y, Adaptive(), STRAIN / 60.0).result(None).vector
+                p = mean_stress(np.array([law.stress(vector) for vector in vectors]))
+            rows.append(pandas.DataFrame([row | {"model": name, "least": max(float((p / p[0]).min()), LEAST)}]))
     return pandas.concat(rows, ignore_index=True)
 
 

@@ -7,7 +7,9 @@ import pandas
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.hidden_state.fabric import FORMS, GRAINS
+from analysis.hidden_state.contest import FORMS, WITH_FABRIC, summary
+from analysis.hidden_state.equal import WINDOWS
+from analysis.hidden_state.fabric import GRAINS
 from analysis.hidden_state.law import PRINTED_K
 from analysis.study import StoredTables
 from labkit.figures import WIDTH, colors_for, new_figure
@@ -16,32 +18,38 @@ DENSITIES = ("dense", "medium", "loose")
 LABELS = {"D": "$D$", "dZ": "$dZ$", "dLambda": r"$d\Lambda$", "dA": "$dA$", "dF": "$dF$", "dFt": "$dF^t$"}
 TURNS = ("turn 0.2", "turn 0.4", "turn 0.6", "cycles", "monotonic")
 OF_D = ("cycles", "monotonic", "again 90")
-SHOWN = (GRAINS, FORMS, "calibrated", "better", "sanisand", "hypoplasticity")
+SHOWN = (GRAINS, FORMS, "calibrated", "better", WITH_FABRIC, "sanisand", "hypoplasticity")
 
 
 def state_figure(tables: StoredTables) -> Figure:
-    """Differences of rates between equal states, with other history and with the same, and the ranking."""
-    figure = new_figure(WIDTH, 3.4)
+    """Differences of rates between twins and between nearest states, other history over same; and the rankings."""
+    figure = new_figure(WIDTH, 3.6)
     left, right = figure.subplots(1, 2)
-    rates = tables["rates"].query("density == 'all'")
-    x = np.arange(len(rates))
-    low, high = rates["ratio"] - rates["low"], rates["high"] - rates["ratio"]
-    left.errorbar(x, rates["ratio"], yerr=[low, high], fmt="o", color="C0", capsize=3, label="all densities")
-    for k, density in enumerate(DENSITIES):
-        own = tables["rates"].query("density == @density")
-        left.plot(x[: len(own)] + 0.1 + 0.08 * k, own["ratio"], "x", color=f"C{k + 1}", ms=4, label=density)
+    twins, nearest = (tables[name].query("density == 'all'") for name in ("twin_rates", "rates"))
+    names = [*LABELS, *WINDOWS]
+    for k, (label, rates) in enumerate((("twins", twins), ("nearest states", nearest))):
+        x = np.array([names.index(name) for name in rates["rate"]]) + 0.2 * k
+        errors = [rates["ratio"] - rates["low"], rates["high"] - rates["ratio"]]
+        left.errorbar(x, rates["ratio"], yerr=errors, fmt="os"[k], color=f"C{k}", capsize=2, ms=4, label=label)
+    own = tables["twin_rates"].query("rate == 'D' and density != 'all'")
+    for k, row in enumerate(own.itertuples()):
+        left.plot(-0.3 + 0.08 * k, row.ratio, "x", color=f"C{k + 2}", ms=5, label=f"twins, {row.density}")
     left.axhline(1.0, color="0.6", lw=0.8)
-    left.set_xticks(x, [LABELS[name] for name in rates["rate"]])
+    ticks = [LABELS.get(name, "D, " + name.replace(" %", "")) for name in names]
+    left.set_xticks(range(len(names)), ticks, rotation=60, fontsize=7)
     left.set(ylabel="difference of rates, other history / same", ylim=(0.0, None))
-    left.legend(fontsize=7)
-    ranking = tables["ranking"][1:][::-1]
-    y = np.arange(len(ranking))
-    share = 100.0 * ranking[["share", "low", "high"]]
-    errors = [share["share"] - share["low"], share["high"] - share["share"]]
-    right.errorbar(share["share"], y, xerr=errors, fmt="o", color="C0", capsize=3)
+    left.legend(fontsize=6)
+    order = list(tables["twin_ranking"]["candidate"][1:][::-1])
+    for k, name in enumerate(("twin_ranking", "ranking")):
+        ranking = tables[name].set_index("candidate").loc[order]
+        share = 100.0 * ranking[["share", "low", "high"]]
+        errors = [share["share"] - share["low"], share["high"] - share["share"]]
+        y = np.arange(len(order)) - 0.2 * k
+        right.errorbar(share["share"], y, xerr=errors, fmt="os"[k], color=f"C{k}", capsize=2, ms=4)
     right.axvline(0.0, color="0.6", lw=0.8)
-    right.set_yticks(y, ranking["candidate"])
-    right.set_xlabel("variance of the difference of $D$ explained,\npackings left out (%)")
+    right.set_yticks(range(len(order)), order)
+    right.set_xlim(-60.0, 60.0)
+    right.set_xlabel("variance of the difference of $D$ explained,\nleft out (%)")
     return figure
 
 
@@ -91,7 +99,7 @@ def fabric_figure(table: pandas.DataFrame) -> Figure:
         for k, model in enumerate(SHOWN):
             of_model = own[own["model"] == model]
             values = [of_model.query("before == @b and direction == @d")["least"] for b, d in tests]
-            x = np.arange(len(tests)) + 0.12 * (k - 2.5)
+            x = np.arange(len(tests)) + 0.12 * (k - 3.0)
             axes.plot(
                 x, [value.mean() for value in values], "_" if model != GRAINS else "k_", ms=10, mew=2, label=model
             )
@@ -102,4 +110,31 @@ def fabric_figure(table: pandas.DataFrame) -> Figure:
         axes.set(title=density, ylim=(0.0, 1.05))
     panels[0].set_ylabel("least $p/p_0$ to 3 %")
     panels[-1].legend(fontsize=6)
+    return figure
+
+
+def contest_figure(tables: StoredTables) -> Figure:
+    """Errors of s/p and of volume of all laws, dense and medium, held out, with intervals; and undrained cycles."""
+    figure = new_figure(WIDTH, 5.6)
+    grid = figure.subplot_mosaic("AA;BB;CD")
+    table = summary(tables["contest"]).query("part == 'held out' and densities == 'dense, medium'")
+    laws = list(dict.fromkeys(table["law"]))
+    groups = list(dict.fromkeys(table["group"]))
+    colors = colors_for(len(laws))
+    for axes, value, label in ((grid["A"], "stress", "error of s/p (%)"), (grid["B"], "volume", "error of volume (%)")):
+        for k, (law, color) in enumerate(zip(laws, colors, strict=True)):
+            own = table[table["law"] == law].set_index("group").reindex(groups)
+            x = np.arange(len(groups)) + 0.85 * ((k + 0.5) / len(laws) - 0.5)
+            axes.errorbar(x, own[value], yerr=own[f"{value}_within"], fmt="o", ms=3, color=color, label=law, capsize=1)
+        axes.set_xticks(range(len(groups)), groups)
+        axes.set(ylabel=label, yscale="log")
+    grid["A"].legend(fontsize=5, ncols=3)
+    for key, density in (("C", "medium"), ("D", "loose")):
+        own = tables["cycles"].query("density == @density")
+        for law in ("grains", *laws):
+            of_law = own[own["law"] == law].groupby("CSR")["N"].median()
+            if len(of_law):
+                color = "k" if law == "grains" else colors[laws.index(law)]
+                grid[key].plot(of_law.values, of_law.index, "o-", ms=3, color=color, lw=1.5 if law == "grains" else 0.8)
+        grid[key].set(xscale="log", xlabel="N to $r_u$ = 0.95", ylabel="CSR", title=density)
     return figure

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas
 
-from analysis.hidden_state import law
-from analysis.hidden_state.fabric import contrasts, judged_fabric, own_models, predictions
-from analysis.hidden_state.figures import fabric_figure, law_figure, state_figure
+from analysis.hidden_state import contest, cycles, equal, law
+from analysis.hidden_state.fabric import contrasts, judged_fabric, own_models, peer_laws, predictions
+from analysis.hidden_state.figures import contest_figure, fabric_figure, law_figure, state_figure
 from analysis.hidden_state.loading import work
 from analysis.hidden_state.nearest import compared, differences, pairs_of, ranking
 from analysis.hidden_state.table import Test, gather, read, states_of
-from analysis.hidden_state.twins import compared_twins, make_pairs
+from analysis.hidden_state.twins import make_pairs
 from analysis.study import Figures, StoredTables, Study, Tables, Values
 
 HELD = ("small", "large", "loops", "compression", "extension", "turn", "again")  # tests at held p, of the law
@@ -26,8 +25,8 @@ class HiddenState(Study):
     """Is (e, Z, Lambda, A, F, F^t) a state, and which law follows reversals and rotation?"""
 
     data = "records.nc"
-    pairs = "pairs.jsonl"
-    steps = ("run", "gather", "twins", "tables", "figures", "page")
+    pairs, cycles = "pairs.jsonl", "cycles.jsonl"
+    steps = ("run", "gather", "twins", "cycles", "tables", "figures", "page")
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         text = f"folder in which the tests are run, resumably (default: none; use {self.data} in the output folder)"
@@ -48,6 +47,9 @@ class HiddenState(Study):
                 gather(options.folder, folder / self.data, command)
             if "twins" in options.steps:
                 for _ in make_pairs(folder / self.data, folder / self.pairs):
+                    pass
+            if "cycles" in options.steps:
+                for _ in cycles.tests(folder / self.cycles):
                     pass
         return 0
 
@@ -72,7 +74,13 @@ class HiddenState(Study):
         }
         errors = law.errors_of_F(shown, rates)
         dilatancy = law.Dilatancy(data, constants).errors(shown)
-        fabric = predictions(data, constants)
+        peers = peer_laws()
+        laws = contest.contestants(data, models, peers, constants)
+        fabric = predictions(data, laws, constants)
+        followed = contest.contest(data, laws, constants, lambda done, text: self.progress(0.9 * done, text))
+        own = (*models, contest.FORMS)
+        pairs = equal.read_pairs(self.folder / self.pairs)
+        counts = cycles.counted(equal.read_pairs(self.folder / self.cycles), laws, constants)
         tables = {
             "rates": pandas.concat([compared(made), *each], ignore_index=True),
             "ranking": ranking(rows, made),
@@ -85,16 +93,19 @@ class HiddenState(Study):
             "fabric": fabric,
             "contrasts": contrasts(fabric),
             "judged_fabric": judged_fabric(fabric),
+            "contest": contest.by_packing(followed),
+            "against_peers": contest.against_peers(followed, own, [name for name in laws if name not in own]),
+            "memory": contest.memory_table(laws, peers),
+            "twins": equal.reached(pairs),
+            "twin_rates": equal.compared_rates(pairs),
+            "twin_ranking": equal.ranked(pairs),
+            "cycles": counts,
+            "cycle_errors": cycles.errors_of_cycles(counts),
             "tests": pandas.DataFrame(
                 [(test.name, test.density, test.seed, len(test), test.inertial, test.ended) for test in data],
                 columns="test density seed records inertial ended".split(),
             ),
         }
-        stored = self.folder / self.pairs
-        if stored.exists():
-            lines = stored.read_text(encoding="utf-8").splitlines()
-            each_pair, tables["twins"] = compared_twins([json.loads(line) for line in lines])
-            tables["twin_pairs"] = each_pair
         return tables
 
     def figures(self, data: list[Test], tables: StoredTables) -> Figures:
@@ -102,6 +113,7 @@ class HiddenState(Study):
             "state": state_figure(tables),
             "law": law_figure(tables),
             "fabric": fabric_figure(tables["fabric"]),
+            "contest": contest_figure(tables),
         }
 
     def numbers(self, tables: StoredTables) -> Values:
@@ -110,7 +122,12 @@ class HiddenState(Study):
         return {
             "rate": rates,
             "memory": tables["ranking"].query("memory == 'yes'"),
-            "has_twins": "twins" in tables,
+            "twin_rate": tables["twin_rates"].set_index(["rate", "density"]),
+            "remembering": tables["twin_ranking"].query("memory == 'yes'"),
+            "contest": contest.summary(tables["contest"]),
+            "enough_pairs": equal.ENOUGH_PAIRS,
+            "near": equal.NEAR,
+            "most_cycles": cycles.MOST,
             "of_F": wide(tables["of_F"], "error"),
             "of_D": wide(of_dilatancy, "D").assign(scatter=wide(of_dilatancy, "D_std")["C4"]),
             "of_volume": wide(of_dilatancy, "volume"),
@@ -123,7 +140,7 @@ class HiddenState(Study):
         }
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
-        return [file for file in (folder / self.data, folder / self.pairs) if file.exists()]
+        return [folder / name for name in (self.data, self.pairs, self.cycles) if (folder / name).exists()]
 
 
 def wide(table: pandas.DataFrame, value: str) -> pandas.DataFrame:

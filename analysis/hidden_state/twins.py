@@ -21,7 +21,16 @@ import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.hidden_state.loading import COARSE, DENSITIES, DEVICE, RATE, axial, from_specimen, held_mean_stress, specimen
+from analysis.hidden_state.loading import (
+    COARSE,
+    DENSITIES,
+    DEVICE,
+    RATE,
+    axial,
+    from_specimen,
+    held_mean_stress,
+    specimen,
+)
 from analysis.hidden_state.nearest import OTHER, SAME
 from analysis.hidden_state.records import candidates_of, sections_of, strain_of_cells
 from analysis.hidden_state.records import pairs_of as contacts_of
@@ -271,7 +280,7 @@ def sheared_on(state: lk.State) -> np.ndarray:
     return np.array(found)
 
 
-def rounded(values: np.ndarray) -> list[object]:
+def with_digits(values: np.ndarray) -> list[object]:
     """Nested lists of numbers with DIGITS significant digits."""
     made: list[object] = np.vectorize(lambda value: float(f"{value:.{DIGITS - 1}e}"))(values).tolist()
     return made
@@ -294,10 +303,10 @@ def twin(first: Instant, second: Instant, scale: Scale) -> dict[str, object]:
     if distance >= 2.0 * ENOUGH:
         return row
     a, b = (member(each, one.since, scale) for each, one in ((fixed, first), (state, second)))
-    row["off"] = {name: rounded(np.linalg.norm(a["rates"][name] - b["rates"][name], axis=1)) for name in RATES}
-    row["D"] = [rounded(each["rates"]["D"][:, 0]) for each in (a, b)]
-    row["on"] = [rounded(each["on"]) for each in (a, b)]
-    row["state"] = {name: [rounded(each["kept"][name]) for each in (a, b)] for name in a["kept"]}
+    row["off"] = {name: with_digits(np.linalg.norm(a["rates"][name] - b["rates"][name], axis=1)) for name in RATES}
+    row["D"] = [with_digits(each["rates"]["D"][:, 0]) for each in (a, b)]
+    row["on"] = [with_digits(each["on"]) for each in (a, b)]
+    row["state"] = {name: [with_digits(each["kept"][name]) for each in (a, b)] for name in a["kept"]}
     return row
 
 
@@ -329,14 +338,14 @@ def _made(key, pair, scale, done, file, count) -> Iterator[str]:
     if name in done:
         return
     labels = {"name": name, "density": key[0], "sort": key[1]}
-    tests = {"tests": [one.test for one in pair], "seeds": [one.seed for one in pair], "sections": [one.section for one in pair]}
+    labels |= {f"{label}s": [getattr(one, label) for one in pair] for label in ("test", "seed", "section")}
     try:
         found = twin(*pair, scale)
     except (PhysicsError, InputError) as error:
         found = {"failed": str(error)}
     count[key] = count.get(key, 0) + (found.get("distance", 1.0) < ENOUGH)
     with file.open("a", encoding="utf-8") as stream:
-        stream.write(json.dumps(labels | tests | found) + "\n")
+        stream.write(json.dumps(labels | found) + "\n")
     yield f"{time.process_time():7.1f} s {name} {found.get('before')} {found.get('distance')}"
 
 

@@ -32,7 +32,8 @@ def main(columns: int = 8, strain: float = 0.01, increments: int = 20) -> None:
             stress, iterations = history.stress[-1] / 1e6, history.iterations.mean()
             print(f"{problem.program}: {stress:.4f} MPa at {history.strain[-1]:.2%} axial strain, "
                   f"{iterations:.2f} iterations per increment")  # fmt: skip
-            cycle = [problem.run(change, 2 * increments, lambda done, text: None) for change in (-2 * strain, 2 * strain)]
+            back = (-2.0 * strain, 2.0 * strain)
+            cycle = [problem.run(change, 2 * increments, lambda done, text: None) for change in back]
             counts = [int(count) for part in cycle for count in part.iterations]
             print(f"{problem.program}: {sum(counts) / len(counts):.2f} iterations per increment over one cycle, "
                   f"at most {max(counts)}, {sum(part.cuts for part in cycle)} increments halved")  # fmt: skip

@@ -83,8 +83,8 @@ class Biaxial(abc.ABC):
     def run(self, strain: float, increments: int, progress: Callable[[float, str], None]) -> History:
         """Strain the specimen axially in equal increments, compression positive; returns the History of this strain.
 
-        Another call goes on from there, and reverses if its strain has the other sign. Ends early if an increment cannot
-        be solved after it was halved eight times.
+        Another call goes on from there, and reverses if its strain has the other sign. Ends early if an increment
+        cannot be solved after it was halved eight times.
         """
         history, begin, goal = History(), time.perf_counter(), strain / increments
         step, done, change = goal, 0.0, self.uniform(goal)  # change of displacement over the increment to `goal`

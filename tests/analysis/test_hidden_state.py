@@ -5,11 +5,12 @@ import pandas
 import pytest
 
 import labkit as lk
-from analysis.hidden_state import law, loading, twins
+from analysis.hidden_state import contest, cycles, equal, law, loading, table, twins
 from analysis.hidden_state.nearest import compared, differences, pairs_of, ranking
 from analysis.hidden_state.records import Records, kept, records_of, sections_of, strain_of_cells
-from analysis.hidden_state.table import CANDIDATES, STATE, rounded, tensor
-from labkit.micro import to_six
+from analysis.hidden_state.table import CANDIDATES, RATES, STATE, rounded, tensor
+from labkit.micro import mean_stress, to_six
+from labkit.model import Model, drive, isotropic_state
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +120,94 @@ def test_twelve_directions_are_deviatoric_units():
     assert n.shape == (12, 6)
     np.testing.assert_allclose(n[:, :3].sum(axis=1), 0.0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0)
+
+
+def test_a_member_is_driven_towards_a_state(specimen, monkeypatch):
+    monkeypatch.setattr(twins, "EVALUATIONS", 24)
+    monkeypatch.setattr(twins, "ENOUGH", 1e-3)
+
+    class Fixed(twins.Scale):
+        def __init__(self):
+            self.size = {"e": 1e-3, "Z": 1.0, "Lambda": 1e-4, "A": 1.0, "F": 0.5, "Ft": 0.05}
+
+    shear = 1e-3 * np.array([[-0.5, -0.5, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.5, 0.0], [0.0] * 6])
+    target = Fixed().vector(twins.values_of(twins.strained(specimen, shear)))
+    begin = 0.8 * shear + 1e-5
+    _, before, distance = twins.driven(specimen, begin, target, Fixed())
+    assert distance < 0.5 * before
+
+
+def synthetic_pairs(memory, seed=0):
+    """Twins whose D differs by noise and, between other histories, by `memory` times the share of sliding contacts."""
+    generator, pairs, tensors = np.random.default_rng(seed), [], {"A", "F", "Ft", "strong", "young"}
+    for sort in (twins.OTHER, twins.SAME):
+        for k in range(16):
+            state = {name: generator.normal(size=(2, 6 if name in tensors else 1)) for name in (*STATE, *CANDIDATES)}
+            D = 0.1 * generator.normal(size=(2, 12))
+            if sort == twins.OTHER:
+                D += memory * state["sliding"]
+            off = {name: np.abs(D[0] - D[1]).tolist() for name in RATES}
+            pairs.append({"name": f"{sort} {k}", "density": "dense", "sort": sort, "before": 0.2, "distance": 0.05})
+            pairs[-1] |= {"off": off, "D": D.tolist(), "on": generator.normal(size=(2, 2, 4)).tolist()}
+            pairs[-1]["state"] = {name: values.tolist() for name, values in state.items()}
+    return pairs
+
+
+@pytest.mark.parametrize("memory", [0.5, 0.0])
+def test_twins_tell_whether_something_is_remembered(memory):
+    pairs = synthetic_pairs(memory)
+    rates = equal.compared_rates(pairs).set_index(["rate", "density"])
+    assert (rates.loc[("D", "all"), "verdict"] == "remembered") == (memory > 0.0)
+    best = equal.ranked(pairs).iloc[1]
+    assert (best["candidate"] == "sliding" and best["memory"] == "yes") == (memory > 0.0)
+
+
+def test_pairs_that_are_not_near_are_left_out_and_near_ones_stand_in_for_too_few_twins():
+    pairs = synthetic_pairs(0.0)
+    for pair in pairs:
+        pair["distance"] = 0.15
+    assert len(equal.compared_pairs(pairs)) == len(pairs)
+    for pair in pairs[:8] + pairs[16:24]:
+        pair["distance"] = 0.09
+    assert {pair["distance"] for pair in equal.compared_pairs(pairs)} == {0.09}
+    assert equal.reached(pairs)["twins"].tolist() == [8, 8]
+
+
+@pytest.fixture(scope="module")
+def of_model():
+    """The model, and a test that is its own path at constant mean stress with a reversal."""
+    model = Model()
+    result = drive(model, loading.axial(0.004, 0.001), isotropic_state(model, 0.67, loading.PRESSURE), 2e-4)
+    columns = {"strain": to_six(result.strain), "stress": to_six(result.stress), "e": result.e, "Z": result.Z}
+    columns |= {"Lambda": result.Lam, "A": to_six(result.A), "F": to_six(result.F), "Ft": to_six(result.Ft)}
+    size = np.linalg.norm(np.diff(columns["strain"], axis=0), axis=1)
+    columns |= {"along": np.concatenate([[0.0], np.cumsum(size)]), "section": np.zeros(len(result), int)}
+    return model, table.Test("small", "dense", 1, columns, 0.0, "")
+
+
+def test_a_law_that_follows_its_own_path_has_no_error(of_model):
+    model, test = of_model
+    row = contest.errors_of(model, contest.vector_of("own", model, test, None), test)
+    assert row["reached"] == 1.0
+    assert max(row["stress"], row["volume"], row["A"], row["F"]) < 1.0 and row["D"] < 0.01
+
+
+def test_the_two_forms_hold_the_mean_stress(of_model):
+    model, test = of_model
+    constants = law.Constants(np.array([0.0, 0.5]), np.array([0.0, 0.9]), np.array([0.0, 0.9]), (46.5, 2.57))
+    forms = contest.TwoForms(model, constants)
+    states = contest.followed(forms, contest.vector_of("forms", model, test, constants), test)
+    p = [float(mean_stress(model.stress(state))) for state in states]
+    np.testing.assert_allclose(p, p[0], rtol=2e-3)
+    assert np.ptp(states[:, 0]) > 1e-5
+
+
+def test_cycles_are_counted_for_grains_and_laws(of_model):
+    model, _ = of_model
+    start = isotropic_state(model, 0.74, loading.PRESSURE)
+    row = {"density": "loose", "seed": 1, "ratio": 0.3, "N": 2.0, "e": [start.e], "Z": [start.Z], "Lambda": [start.Lam]}
+    row |= {name: [0.0] * 6 for name in ("A", "F", "Ft")} | {"stress": [500e3] * 3 + [0.0] * 3}
+    counts = cycles.counted([row], {"model": model}, None)
+    assert counts["N"].between(0.2, cycles.MOST).all() and counts["law"].tolist() == ["grains", "model"]
+    errors = cycles.errors_of_cycles(counts)
+    assert errors["factor"][0] == pytest.approx(counts["N"][1] / 2.0)
