@@ -51,10 +51,11 @@ def reached(pairs: Sequence[Pair]) -> pandas.DataFrame:
         row = {"density": density, "sort": sort, "tried": len(own), "compared": len(mine)}
         row["twins"] = sum(pair.get("distance", 1.0) < ENOUGH for pair in own)
         row["failed"] = sum("failed" in pair for pair in own)
-        row |= {name: float(np.mean([pair[name] for pair in mine])) for name in ("before", "distance")}
+        for name in ("before", "distance"):
+            row[name] = float(np.mean([pair[name] for pair in mine])) if mine else np.nan
         for name in STATE:
-            a, b = (np.array([pair["state"][name][k] for pair in mine]) for k in (0, 1))
-            row[name] = float(np.linalg.norm(a - b, axis=1).mean())
+            off = [np.linalg.norm(np.subtract(*pair["state"][name])) for pair in mine]
+            row[name] = float(np.mean(off)) if mine else np.nan
         row["Lambda_scaled"] = 1e5 * row["Lambda"]
         rows.append(row)
     return pandas.DataFrame(rows)
