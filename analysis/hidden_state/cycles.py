@@ -81,7 +81,11 @@ def start_of(row: dict[str, object]) -> Test:
 def counted(
     rows: Sequence[dict[str, object]], laws: dict[str, ConstitutiveLaw | TwoForms], constants: Constants
 ) -> pandas.DataFrame:
-    """N of grains and laws, a row per density, seed, CSR and law; NaN if a law is undefined at the start."""
+    """N of grains and laws, a row per density, seed, CSR and law; NaN if a law is undefined at the start.
+
+    Further columns of laws: `r_u`, the largest, and `end`, the number of cycles at the end of the test, which is at 5 %
+    of axial strain at the latest.
+    """
     found = []
     for row in rows:
         labels = {"density": row["density"], "seed": row["seed"], "CSR": 0.5 * float(row["ratio"])}  # type: ignore[arg-type]
@@ -92,15 +96,21 @@ def counted(
             try:
                 y = vector_of(name, law, start_of(row), constants)
                 result = drive(law, path_of(float(row["ratio"])), y, stop_when=LIQUEFIED)  # type: ignore[arg-type]
-                N = cycles_of(as_run(result))
+                run = as_run(result)
             except InputError:
-                N = np.nan
-            found.append(labels | {"law": name, "N": N})
+                found.append(labels | {"law": name, "N": np.nan})
+                continue
+            end = run.lab.liquefaction()
+            found.append(labels | {"law": name, "N": cycles_of(run), "r_u": end.largest_ratio, "end": end.cycles})
     return pandas.DataFrame(found)
 
 
 def errors_of_cycles(table: pandas.DataFrame) -> pandas.DataFrame:
-    """Root mean square of ln N, law less grains, over CSR; mean over specimens with its 95 % interval (t)."""
+    """Root mean square of ln N, law less grains, over CSR; mean over specimens with its 95 % interval (t).
+
+    Further columns: factor (N over that of the grains, geometric mean), r_u (mean of the largest), strained (share of
+    tests that ended by their strain).
+    """
     keys = ["density", "seed", "CSR"]
     truth = table[table["law"] == GRAINS].set_index(keys)["N"]
     own = table[table["law"] != GRAINS]
@@ -108,11 +118,13 @@ def errors_of_cycles(table: pandas.DataFrame) -> pandas.DataFrame:
     by_specimen = own.assign(square=off**2, off=off).groupby(["density", "law", "seed"], sort=False)
     square = by_specimen[["square", "off"]].mean()
     rows = []
+    strained = own["end"].notna() & (own["end"] < MOST - 1.0) & ~(own["r_u"] > 0.95)
+    further = own.assign(strained=strained).groupby(["density", "law"], sort=False)[["r_u", "strained"]].mean()
     for (density, law), each in square.groupby(level=[0, 1], sort=False):
         values, n = np.sqrt(each["square"].dropna()), int(each["square"].notna().sum())
         within = t.ppf(0.975, n - 1) * values.std() / np.sqrt(n) if n > 1 else np.nan
-        rows.append((density, law, n, values.mean(), within, np.exp(each["off"].mean())))
-    return pandas.DataFrame(rows, columns="density law specimens error within factor".split())
+        rows.append((density, law, n, values.mean(), within, np.exp(each["off"].mean()), *further.loc[(density, law)]))
+    return pandas.DataFrame(rows, columns="density law specimens error within factor r_u strained".split())
 
 
 def main() -> None:
