@@ -22,7 +22,7 @@ from scipy.stats import t as student
 
 from analysis.pages import render
 from analysis.pictures import save
-from analysis.sand.fabric import FABRICS, LABELS, MOST_CYCLES
+from analysis.sand.fabric import FABRICS, LABELS, MOST_CYCLES, cells_of
 from analysis.sand.karlsruhe import RESULTS
 from analysis.statistics import adjusted
 
@@ -49,7 +49,7 @@ def features(row: dict) -> dict[str, float]:
 def table_of(rows: Sequence[dict]) -> pandas.DataFrame:
     """A row per specimen of the seeds that are complete for their shape: labels, state, features."""
     made = pandas.DataFrame([{**{k: row[k] for k in (*LABELS, "e", "Z", "A")}, **features(row)} for row in rows])
-    complete = made.groupby(["shape", "seed"])["e"].transform("size") == len(FABRICS) * len(DENSITIES)
+    complete = made.groupby(["shape", "seed"])["e"].transform("size") == [len(cells_of(s)) for s in made["shape"]]
     return made[complete].reset_index(drop=True)
 
 
