@@ -19,6 +19,7 @@ import numpy as np
 import labkit as lk
 from analysis.sand import karlsruhe, undrained
 from analysis.sand.karlsruhe import LIMITS, OTHERS, SCATTER, USED, grain_tests
+from labkit.errors import PhysicsError
 from labkit.micro import void_ratio_nominal
 from labkit.plugins.laboratory_data.sampling import take_sample
 
@@ -38,6 +39,7 @@ LEAST_Q = 0.02  # of p_0: below, q counts as this
 DEVIATIONS = (0.03, 0.03, 0.05)  # of the features of an undrained test
 UNUSED = 1e3  # factor of the deviations of tests that do not count
 RATE, RESOLUTION = 20, 12  # 1/s; records of a stored stress path
+Test = tuple[lk.paths.Path, float, float]  # path, pressure in Pa, void ratio of the sand
 DEVICE = lk.Fused(threads=1, precision="mixed")
 
 
@@ -84,13 +86,18 @@ def share_at(parameters: Mapping[str, float], void_ratio: float, limits: list[fl
     return float(np.interp(wanted, np.maximum.accumulate(limits), SHARES))
 
 
-def repeated(
-    tests: Mapping[str, tuple[lk.paths.Path, float, float]], parameters: Mapping[str, float], seed: int
-) -> Iterator[tuple[str, lk.Run]]:
-    """Yield name and run of each test, name -> (path, pressure in Pa, void ratio of the sand). Raises PhysicsError."""
-    scene = scene_of(parameters)
+def limits_of(tests: Mapping[str, Test], parameters: Mapping[str, float], seed: int) -> list[float]:
+    """Return the void ratios of specimens made with SHARES, at the lowest pressure of the tests."""
     lowest = min(pressure for _, pressure, _ in tests.values())
-    limits = [void_ratio_nominal(compressed(scene, share, lowest, seed).snapshot()) for share in SHARES]
+    made = (compressed(scene_of(parameters), share, lowest, seed) for share in SHARES)
+    return [void_ratio_nominal(state.snapshot()) for state in made]
+
+
+def repeated(
+    tests: Mapping[str, Test], parameters: Mapping[str, float], seed: int, limits: list[float]
+) -> Iterator[tuple[str, lk.Run]]:
+    """Yield the name and the run of each test; limits: void ratios of SHARES. Raises PhysicsError."""
+    scene = scene_of(parameters)
     for name, (path, pressure, void_ratio) in tests.items():
         specimen = compressed(scene, share_at(parameters, void_ratio, limits), pressure, seed)
         specimen = sheared(specimen, parameters["shear"], pressure)
@@ -98,7 +105,7 @@ def repeated(
         yield name, lk.run(specimen, path, engine=DEVICE, progress=False, snapshots=2, stop_when=stop)
 
 
-def undrained_of(name: str) -> tuple[lk.paths.Path, float, float]:
+def undrained_of(name: str) -> Test:
     """Return the path, the pressure (Pa) and the void ratio of an undrained test."""
     pressure = 1e3 * float(name.split()[0])
     if name in undrained.CYCLIC:
@@ -108,7 +115,7 @@ def undrained_of(name: str) -> tuple[lk.paths.Path, float, float]:
     return lk.paths.ConstantVolume(strain=sign * undrained.STRAIN, rate=RATE), pressure, void_ratio
 
 
-def drained_of(pressures: Mapping[str, int]) -> dict[str, tuple[lk.paths.Path, float, float]]:
+def drained_of(pressures: Mapping[str, int]) -> dict[str, Test]:
     """Return path, pressure (Pa) and void ratio of drained tests, name -> pressure (kPa)."""
     measured = grain_tests(dict(pressures)).measured
     return {n: (run.path, 1e3 * pressures[n], float(run.data["void_ratio"][0])) for n, run in measured.items()}
@@ -156,7 +163,7 @@ class FabricTests(lk.GrainTests):
 
     def repeat(self, parameters: Mapping[str, float], grains: int, seed: int) -> dict[str, lk.Run]:
         tests = drained_of(USED) | {name: undrained_of(name) for name in (TRAINED, LEFT)}
-        return dict(repeated(tests, parameters, seed))
+        return dict(repeated(tests, parameters, seed, limits_of(tests, parameters, seed)))
 
 
 def fabric_tests(trained: tuple[str, ...] = (DRAINED, TRAINED), given: Sequence[float] = ()) -> FabricTests:
@@ -194,8 +201,13 @@ def predict(posterior: lk.Posterior, file: Path) -> None:
     tests = drained_of(OTHERS) | {name: undrained_of(name) for name in names}
     for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(lines_of(file)) :]:
         begin, row = time.process_time(), {"parameters": parameters, "tests": {}}
-        for name, run in repeated(tests, parameters, FIRST_DRAW + number):
-            row["tests"][name] = features_of(name, run)
+        limits = limits_of(tests, parameters, FIRST_DRAW + number)
+        for name, test in tests.items():
+            try:
+                (run,) = dict(repeated({name: test}, parameters, FIRST_DRAW + number, limits)).values()
+                row["tests"][name] = features_of(name, run)
+            except PhysicsError as error:
+                row["tests"][name] = {"failed": str(error)}
         append(file, row | {"seconds": time.process_time() - begin})
         print(f"draw {number + 1} of {DRAWS}", flush=True)
 
