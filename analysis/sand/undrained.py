@@ -96,14 +96,19 @@ def features(curve: dict[str, list[float]]) -> dict[str, float]:
     return dict(zip(SCATTERS, values, strict=True))
 
 
+def scatter_of(feature: str, value: float) -> float:
+    """Return the assumed standard deviation between repeated tests of a feature with this value."""
+    return SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
+
+
 def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float) -> pandas.DataFrame:
     """Tabulate predicted features with their 90 % intervals next to the measured ones, test -> feature -> value."""
     rows = []
     for name, values in known.items():
         for feature, value in values.items():
             found = np.array([features(draw[name])[feature] for draw in draws])
-            scatter = SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
-            rows.append({"test": name, "feature": feature} | karlsruhe.prediction(value, found, unexplained * scatter))
+            row = karlsruhe.prediction(value, found, unexplained * scatter_of(feature, value))
+            rows.append({"test": name, "feature": feature} | row)
     return pandas.DataFrame(rows)
 
 

@@ -21,7 +21,7 @@ from analysis.sand import karlsruhe, undrained
 from analysis.sand.karlsruhe import LIMITS, OTHERS, SCATTER, USED, grain_tests
 from labkit.errors import PhysicsError
 from labkit.micro import void_ratio_nominal
-from labkit.plugins.laboratory_data.sampling import take_sample
+from labkit.plugins.laboratory_data import take_sample
 
 FREE = {
     "friction": (0.2, 0.8),
