@@ -118,7 +118,11 @@ def undrained_of(name: str) -> Test:
 def drained_of(pressures: Mapping[str, int]) -> dict[str, Test]:
     """Return path, pressure (Pa) and void ratio of drained tests, name -> pressure (kPa)."""
     measured = grain_tests(dict(pressures)).measured
-    return {n: (run.path, 1e3 * pressures[n], float(run.data["void_ratio"][0])) for n, run in measured.items()}
+    return {
+        name: (run.path, 1e3 * pressures[name], float(run.data["void_ratio"][0]))
+        for name, run in measured.items()
+        if run.path is not None
+    }
 
 
 def undrained_points(features: Mapping[str, float], pressure: float) -> list[float]:
@@ -200,15 +204,15 @@ def predict(posterior: lk.Posterior, file: Path) -> None:
     names = [*undrained.MONOTONIC, *undrained.CYCLIC]
     tests = drained_of(OTHERS) | {name: undrained_of(name) for name in names}
     for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(lines_of(file)) :]:
-        begin, row = time.process_time(), {"parameters": parameters, "tests": {}}
+        begin, found = time.process_time(), dict[str, dict[str, object]]()
         limits = limits_of(tests, parameters, FIRST_DRAW + number)
         for name, test in tests.items():
             try:
                 (run,) = dict(repeated({name: test}, parameters, FIRST_DRAW + number, limits)).values()
-                row["tests"][name] = features_of(name, run)
+                found[name] = features_of(name, run)
             except PhysicsError as error:
-                row["tests"][name] = {"failed": str(error)}
-        append(file, row | {"seconds": time.process_time() - begin})
+                found[name] = {"failed": str(error)}
+        append(file, {"parameters": parameters, "tests": found, "seconds": time.process_time() - begin})
         print(f"draw {number + 1} of {DRAWS}", flush=True)
 
 
@@ -230,10 +234,14 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # small specimens are intended
     options.folder.mkdir(parents=True, exist_ok=True)
-    show = lambda done, text: print(text, flush=True)  # noqa: E731
-    sizes = {"grains": GRAINS, "largest": GRAINS}
-    file = options.folder / "with_fabric_samples.jsonl"
-    posterior = lk.calibrate_grains(fabric_tests(), options.samples, file=file, progress=show, **sizes)
+    posterior = lk.calibrate_grains(
+        fabric_tests(),
+        options.samples,
+        file=options.folder / "with_fabric_samples.jsonl",
+        progress=lambda done, text: print(text, flush=True),
+        grains=GRAINS,
+        largest=GRAINS,
+    )
     print(posterior.table().to_string(float_format="%.4g"), flush=True)
     predict(posterior, options.folder / "with_fabric_draws.jsonl")
     synthesise(options.folder / "with_fabric_sands.jsonl")
