@@ -1,6 +1,5 @@
 """The page in Chromium, served by this computer without a network, and its files on the desktop."""
 
-import os
 import threading
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 import labkit as lk
 from labkit.plugins.page.server import serve
-from labkit.plugins.page.site import wheel_for_browsers, write_site
+from labkit.plugins.page.site import write_site
 
 pytestmark = [pytest.mark.long, pytest.mark.slow, pytest.mark.browser]
 PHONE = {"width": 390, "height": 800}
@@ -16,12 +15,9 @@ SHORT = lk.paths.ConstantMeanStress(strain=0.004, pressure=2e5)
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    pyodide = os.environ.get("LABKIT_PYODIDE")
-    if not pyodide:
-        pytest.skip("LABKIT_PYODIDE names no folder with Pyodide and its NumPy: see CONTRIBUTING.md")
+def address(tmp_path_factory, pyodide, browser_wheel):
     folder = tmp_path_factory.mktemp("page")
-    write_site(folder, wheel_for_browsers(), pyodide)
+    write_site(folder, browser_wheel, pyodide)
     with serve(folder, 0) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/"
