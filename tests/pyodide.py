@@ -1,4 +1,4 @@
-"""What the tests of `labkit page` need beside a browser: Pyodide, its NumPy, and the compiler of the wheel for browsers.
+"""What tests of `labkit page` need beside a browser: Pyodide, its NumPy, and the compiler of the wheel for browsers.
 
 They are fetched once per computer, Pyodide by npm and the others by pip, into labkit's cache folder.
 """

@@ -211,7 +211,7 @@ class RunTask(StateTask[None]):
         """Resolve the rate and the pressure of the path for the specimen, and check that they fit."""
         super().__post_init__()
         if self.output is not None and self.output.endswith(arrays.ENDING):
-            raise InputError(f"{self.output}: a run cannot be saved in a {arrays.ENDING} file: give a name such as r.run.nc")
+            raise InputError(f"{self.output}: is no name for a run that is saved in steps: give one such as r.run.nc")
         require_type(self.path, Path, "path", "labkit.paths.ConstantVolume()")
         require_one_rate(self.path, self.options)
         path = self.path.starting_at(default_pressure(self.path, self.state))

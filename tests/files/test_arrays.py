@@ -41,7 +41,7 @@ def test_a_state_is_the_same_in_both(soft_specimen, tmp_path):
         assert lk.read_state(tmp_path / name).digest() == soft_specimen.digest()
     read = arrays.Dataset(tmp_path / "s.state.npz")
     assert read.ncattrs() and read.variables["position"].dimensions == ("grain", "i")
-    with pytest.raises(lk.InputError, match="labkit export FILE -o new.state.npz"):
+    with pytest.raises(lk.InputError, match="labkit export FILE"):
         arrays.Dataset(tmp_path / "s.state.nc")
 
 

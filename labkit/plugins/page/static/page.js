@@ -16,7 +16,7 @@ function field(group, { name, words, help, unit, choices, default: standard }) {
 
 function show_parameters() {  // of the chosen path
   const path = site.paths[element("path").value];
-  element("summary").textContent = path.summary.replaceAll("`", "");
+  element("summary").textContent = path.summary;
   element("parameters").innerHTML = path.fields.map((one) => field("path", one)).join("");
 }
 
@@ -177,11 +177,14 @@ async function start() {
   element("pause").onclick = ({ target }) => { ask(target.textContent === "Pause" ? "pause" : "resume"); target.textContent = target.textContent === "Pause" ? "Continue" : "Pause"; };
   element("end").onclick = () => { if (made) { ask("end"); enable(true); } else { say("loading Python again"); open_worker(); } };
   for (const call of ["records", "run_file", "state_file"]) element(call).onclick = () => ask(call);
-  element("state").onchange = async ({ target }) => { 
-    if (target.files[0]) { element("error").hidden = true; ask("open_state", new Uint8Array(await target.files[0].arrayBuffer())); }
+  element("state").onchange = async ({ target }) => {
+    const [file] = target.files;
+    element("error").hidden = true;
+    if (file?.size > site.upload.most) fail(site.upload.refusal);
+    else if (file) ask("open_state", new Uint8Array(await file.arrayBuffer()));
     target.value = "";
   };
   window.onbeforeunload = (event) => { if (!finished) event.preventDefault(); };
   open_worker();
 }
-start();
+start().catch(() => fail("This page works only from a web server, such as that of the command labkit page.", true));
