@@ -176,15 +176,6 @@ def test_a_run_of_a_user_defined_path_is_readable_without_its_file(folder, labki
     assert done.returncode == 2 and "path oedo " in done.stderr
 
 
-def test_a_renamed_law_gives_identical_results(folder, labkit_command):
-    for law, name in (("tired", "a"), ("rolling_resistance", "b")):
-        words = ["run", "cv", "s.state.nc", *RUN, "--law", law, "--engine", "fused", "-o", f"{name}.run.nc"]
-        done = labkit_command(*words, "--use", "mine.py", cwd=folder)
-        assert done.returncode == 0, done.stderr
-    with netCDF4.Dataset(folder / "a.run.nc") as a, netCDF4.Dataset(folder / "b.run.nc") as b:
-        np.testing.assert_array_equal(a["stress"][:], b["stress"][:])
-
-
 def test_a_missing_extension_is_reported(folder, labkit_command):
     words = ["run", "oedo", "s.state.nc", *RUN, "--law", "tired", "--engine", "fused", "-o", "r.run.nc"]
     assert labkit_command(*words, "--use", "mine.py", cwd=folder).returncode == 0
@@ -348,45 +339,6 @@ def test_a_file_from_python(engine, python):
     )
     assert found[:2] == [True, "oedo"] and found[2] > 0.0 and found[4:] == [1, engine]
     assert [name for name in found[3] if "norm" not in name] == []  # 150 grains are too few
-
-
-@pytest.mark.yade
-def test_a_program_that_registers_its_own_path_runs_on_yade(python):
-    found = python(
-        MINE
-        + textwrap.dedent("""
-
-        if __name__ == "__main__":
-            import json
-
-            state, path = lk.read_state("s.state.nc"), Oedometer(strain=0.004, rate=40)
-            run = lk.run(state, path, engine="yade", snapshots=0, progress=False)
-            print(json.dumps([run.complete, run.path == path, float(run.data["largest_force"][0])]))
-        """)
-    )
-    assert found[:2] == [True, True] and found[2] > 0.0
-
-
-@pytest.mark.yade
-def test_a_path_without_a_file_runs_on_yade(python):
-    """A class that is defined without a file, as in a notebook."""
-    found = python(
-        """
-        import dataclasses, json
-        import labkit as lk
-
-        @lk.register_path
-        @dataclasses.dataclass(frozen=True)
-        class Here(lk.Path):
-            name = "here"
-
-        state = lk.read_state("s.state.nc")
-        run = lk.run(state, Here(strain=0.004, rate=40), engine="yade", snapshots=0, progress=False)
-        print(json.dumps([run.complete, run.path.name]))
-        """,
-        file=None,
-    )
-    assert found == [True, "here"]
 
 
 def test_a_file_that_cannot_be_loaded_is_not_passed_to_child_processes(folder, python):

@@ -155,26 +155,6 @@ def test_a_state_passes_from_yade_to_fused_and_back_without_a_jump(yade_specimen
 # --- contact laws -----------------------------------------------------------------------------------------------
 
 
-def test_restitution_of_a_head_on_collision_follows_from_the_dashpots():
-    for beta, expected in ((0.2, 0.527), (0.05, np.exp(-np.pi * 0.05 / np.sqrt(1 - 0.05**2)))):
-        scene = Scene(law="spring_dashpot", beta_n=beta)
-        state = after(pair(scene, 2 * R + 1e-9, velocity=(0, 0, -1e-3)), 20000)
-        assert len(state.contact_grain) == 0
-        parting = state.velocity[1, 2] - state.velocity[0, 2]
-        assert np.isclose(parting / 1e-3, expected, rtol=2e-3)
-
-
-@pytest.mark.parametrize("law", LINEAR)
-def test_sliding_at_mu_fn(law):
-    scene = Scene(law=law, local_damping=0.0)
-    state = after(pair(scene, 0.99 * 2 * R, velocity=(20.0, 0, 0), time_step=1e-8), 10)
-    contact = state.snapshot().contacts
-    force = np.linalg.norm(state.tangential_force[0])
-    assert np.isclose(force, 0.4 * contact.normal_force[0], rtol=1e-12)
-    assert abs(contact.normal[0] @ state.tangential_force[0]) < 1e-6 * force
-    assert state.tangential_force[0, 0] > 0.0  # the second grain drags the first along
-
-
 def column(scene, radius=(R, R), overlap=0.01):
     """Two grains in a cell as high as both: they touch twice, above and below."""
     a, b = radius
@@ -441,17 +421,6 @@ def test_grains_are_stopped_in_place_as_by_loading_them_without_velocities(speci
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-12 * np.abs(b).max(), err_msg=name)
         for engine in (in_place, loaded):
             engine.advance(1, shear(specimen))
-
-
-def test_unused_history_is_not_stored():
-    rows = {}
-    for friction, rolling in ((0.0, 0.0), (0.4, 0.0), (0.4, 0.1)):
-        scene = Scene(friction=friction, rolling_friction=rolling)
-        engine = FusedEngine(pair(scene, 1.99 * R, velocity=(0.1, 0, 0)))
-        rows[friction, rolling] = engine._packing.arrays.blocks.shape[1]
-        engine.advance(10, STILL)
-        assert np.any(engine.state().tangential_force) == (friction > 0.0)
-    assert len(set(rows.values())) == 3 and rows[0.0, 0.0] == min(rows.values())
 
 
 def test_more_threads_than_the_computer_has_are_refused(specimen):

@@ -161,22 +161,6 @@ EXTENSION = {
 }
 
 
-@pytest.fixture(scope="module")
-def isotropic_specimen():
-    """1,000 grains at 100 kPa: equal radial strains of 200 grains cause radial stresses that differ by 20 %."""
-    specimen = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=1000), lk.Scene(), progress=False)
-    return lk.consolidate(specimen, P, progress=False)
-
-
-@pytest.mark.parametrize("name", EXTENSION)
-def test_triaxial_extension(isotropic_specimen, name):
-    """The axial stress becomes the least one, and the held quantities stay; means over the last 1 % strain."""
-    run = lk.run(isotropic_specimen, EXTENSION[name], progress=False, snapshots=2, record_strain=1e-3)
-    stress = run.data["stress"].values[-10:].mean(axis=0)
-    assert stress[2, 2] < min(stress[0, 0], stress[1, 1]) and run.data.lab.q().values[-1] < 0.0
-    assert run.data.lab.lode_angle().values[-10:].mean() > 45.0 and all(held(run).values())
-
-
 def test_one_amplitude_at_a_time():
     with pytest.raises(InputError, match="strain_amplitude and amplitude are both given"):
         lk.paths.ShearCycles(amplitude=1e4, strain_amplitude=0.01)

@@ -130,13 +130,6 @@ def test_a_sample_repeats_the_test_on_grains_and_a_calibration_resumes(tests, sh
     assert len(found.samples) == 12 and file.read_text() == before  # nothing was left to simulate
 
 
-def test_a_fit_to_scores_ten_times_as_large_is_ten_times_as_large():
-    x = np.random.default_rng(3).uniform(size=(20, 2))
-    score, share, at = x[:, 0] + np.sin(9.0 * x[:, 1]), np.linspace(0.5, 1.0, 20), np.array([[0.2, 0.4], [0.9, 0.6]])
-    one, ten = (posterior._process(x, k * score, share).predict(at, return_std=True) for k in (1.0, 10.0))
-    np.testing.assert_allclose(ten, 10.0 * np.array(one), rtol=1e-6)
-
-
 @pytest.mark.slow
 def test_a_density_that_grains_do_not_reach_is_a_failed_sample(tests, tmp_path):
     loose = measured_test(tmp_path)

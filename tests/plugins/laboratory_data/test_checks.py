@@ -247,28 +247,12 @@ def test_rows_beyond_the_strain_of_the_path_are_counted(tmp_path):
         read(tmp_path, ["0,0,100,100", "0,0,101,100"])
 
 
-def test_the_void_ratio_may_be_accepted(tmp_path):
-    """A bentonite may have a void ratio above 3."""
-    assert float(read(tmp_path, void_ratio=5.2, accept=True).data["void_ratio"][0]) == 5.2
-
-
 @pytest.mark.slow
 def test_the_command_prints_the_preview_and_its_errors(tmp_path, capsys):
     (tmp_path / "t.csv").write_text("\n".join(["eps;epsv;s1;s3;T", *(row.replace(",", ";") + ";20" for row in ROWS)]))
     output = str(tmp_path / "a.run.nc")
     columns = [f"{name}={':'.join(column)}" for name, column in COLUMNS.items()]
-    words = [
-        "--strain-kind",
-        "engineering",
-        "--stress-kind",
-        "effective",
-        "--source",
-        "-",
-        "--licence",
-        "-",
-        "-o",
-        output,
-    ]
+    words = [*"--strain-kind engineering --stress-kind effective --source - --licence - -o".split(), output]
 
     def tried(path, *more, columns=columns):
         code = main(["measured", path, str(tmp_path / "t.csv"), *words, "--column", *columns, *more])

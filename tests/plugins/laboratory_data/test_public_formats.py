@@ -216,7 +216,10 @@ def test_an_oedometer_test_may_unload(tmp_path):
     file.write_text(OEDOMETER, encoding="utf-8")
     columns = {"axial_stress": ("sigma_v", "kPa", "compression"), "void_ratio": ("e", "1")}
     measured = lk.read_measured(file, lk.paths.Oedometer(strain=0.5), columns, **GIVEN)
-    assert list(measured.data["void_ratio"].values) == [0.65, 0.64, 0.59, 0.59, 0.641]
+    e = np.array([0.65, 0.64, 0.59, 0.59, 0.641])
+    assert measured.data["void_ratio"].values.tolist() == e.tolist()
+    assert measured.data["axial_strain"].values == pytest.approx(np.log(1.65 / (1.0 + e)))
+    assert lk.misfit(measured, measured, {"axial_stress": 1e3, "void_ratio": 0.01})["all"] == 0.0
     said = preview(measured)
     assert "goes back by up to" in said and "not above 0 in 2 rows" in said and "not used: m, zi, faza" in said
 
@@ -299,4 +302,6 @@ def test_cyclic_tests_below_each_other_ask_for_the_table(tmp_path):
         lk.read_measured(file, path, columns, void_ratio=0.7, **GIVEN)
     measured = lk.read_measured(file, path, columns, void_ratio=0.7, header=126, **GIVEN)
     assert measured.data.sizes["time"] == 121
+    assert float(measured.data.lab.cycles()[-1]) == pytest.approx(3.0, abs=0.3)
+    assert lk.misfit(measured, measured, {"r_u": 0.05})["r_u"] == 0.0 and measured.plot("cycles", data=measured)
     assert float(measured.data.lab.pore_pressure_ratio().max()) == pytest.approx(0.75, rel=1e-12)

@@ -10,7 +10,6 @@ import labkit as lk
 from labkit.cli import main
 from labkit.plugins.laboratory_data import preview
 from labkit.plugins.laboratory_data.checks import unit_findings
-from labkit.plugins.laboratory_data.units import unit_in_header
 
 GIVEN = {"strain_kind": "engineering", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
 CR = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.2)
@@ -186,14 +185,6 @@ def test_a_wrong_sign_is_found_in_loose_and_dense_sand(name):
         lk.read_measured(SAND, path, columns | {"void_ratio": ("e", "1")}, **known)
 
 
-def test_a_volume_against_the_void_ratio_is_found_when_it_is_small(tmp_path):
-    columns = {**COLUMNS, "void_ratio": ("e", "1")}
-    e = 1.7 * (1.0 - np.array([0.0, 0.1, 0.2, 0.25, 0.3]) / 100.0) - 1.0
-    header, values = "eps,epsv,s1,s3,e", (EPS, -np.array([0.0, 0.1, 0.2, 0.25, 0.3]), AXIAL, 0.0 * EPS + 100.0, e)
-    with pytest.raises(lk.InputError, match=r"void ratio is 0.6949 in line 6, but 0.7051 follows from the"):
-        read(tmp_path, CR, columns, header, *values, void_ratio=None)
-
-
 def test_the_void_ratio_gives_the_volumetric_strain(tmp_path):
     """The usual form of papers: eps_v = ln((1 + e0)/(1 + e))."""
     (tmp_path / "t.dat").write_text(
@@ -211,46 +202,6 @@ def test_the_void_ratio_gives_the_volumetric_strain(tmp_path):
     del columns["void_ratio"]
     with pytest.raises(lk.InputError, match=r"volumetric_strain is missing: .*, or void_ratio=HEADER:1"):
         lk.read_measured(tmp_path / "t.dat", CR, columns, void_ratio=0.7, **GIVEN)
-
-
-@pytest.mark.parametrize(
-    ("header", "unit"),
-    [("stress(1)", None), ("stran(1)", None), ("s (1)", None), ("c_s[1]", None), ("statev(1)", None), ("E_1", None),
-     ("eps [1]", "1"), ("e [-]", "-"), ("eps(%)", "%")],
-)  # fmt: skip
-def test_an_index_is_no_unit(header, unit):
-    assert unit_in_header(header) == unit
-
-
-def test_the_output_of_the_incremental_driver_is_read(tmp_path):
-    (tmp_path / "t.out").write_text(
-        "  time(1)  stran(1)  stran(2)  stress(1)  stress(2)\n 0.0 0.0 0.0 -100.0 -100.0\n"
-        " 1.0 -0.01 0.004 -200.0 -100.0\n"
-        " 2.0 -0.02 0.007 -260.0 -100.0\n"
-    )
-    columns = {
-        "axial_strain": ("stran(1)", "1", "tension"),
-        "axial_stress": ("stress(1)", "kPa", "tension"),
-        "radial_stress": ("stress(2)", "kPa", "tension"),
-    }
-    data = lk.read_measured(
-        tmp_path / "t.out", CV, columns, void_ratio=0.7, **{**GIVEN, "strain_kind": "logarithmic"}
-    ).data
-    np.testing.assert_allclose(data["stress"].values[:, 2, 2], [100e3, 200e3, 260e3])
-
-
-def test_doubled_separators_are_read(tmp_path):
-    (tmp_path / "t.dat").write_text(
-        "#\t\te_a\t\tp\t\tq\t\tn\n0.0\t\t100.0\t\t0.0\t\t0.40\t\n0.01\t\t140.0\t\t60.0\t\t0.394\t\n0.02\t\t190.0\t\t110.0\t\t0.388\t\n"
-    )
-    columns = {
-        "axial_strain": ("e_a", "1", "compression"),
-        "mean_stress": ("p", "kPa", "compression"),
-        "deviatoric_stress": ("q", "kPa", "compression"),
-    }
-    data = lk.read_measured(tmp_path / "t.dat", lk.paths.Oedometer(strain=0.1), columns, void_ratio=0.667, **GIVEN).data
-    np.testing.assert_allclose(data.lab.mean_stress().values, [100e3, 140e3, 190e3])
-    np.testing.assert_allclose(data.lab.q().values, [0.0, 60e3, 110e3], atol=1e-6)
 
 
 AGS = """"GROUP","CTRD"
