@@ -11,6 +11,7 @@ from labkit.paths.step import Here
 from labkit.results.info import run_summary
 from labkit.results.verify import findings
 from labkit.simulation.progress import status_of
+from tests.stopped import run_stopped
 
 pytestmark = pytest.mark.slow
 
@@ -64,12 +65,7 @@ def test_cycles_with_a_static_shear_are_about_it(soft_specimen, side, drained, t
     np.testing.assert_allclose(cycles[[*at, -1]], [0.25, 0.75, 1.25, 1.75], atol=1e-6)
     assert f"about q = {q[0]:.6g} Pa" in run_summary(run.data)["cycles"]
 
-    def stop(fraction, text):
-        if fraction > 0.5:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        lk.run(state, path, file=file, **{**FAST, "progress": stop}, save_every=1)
+    run_stopped(0.5, state, path, file=file, **FAST, save_every=1)
     resumed = lk.run(state, path, file=file, **FAST, save_every=1)
     np.testing.assert_array_equal(resumed.data["stress"], run.data["stress"])
     if not drained:  # another run goes on with the cycles about the same q

@@ -6,6 +6,7 @@ from labkit.cli import main
 from labkit.plugins.laboratory_data import posterior
 from labkit.plugins.laboratory_data.posterior import posterior_of
 from labkit.plugins.laboratory_data.sampling import ALONG, Sample, append_sample, read_samples, take_sample
+from tests.plugins.laboratory_data.columns import of_columns
 
 pytest.importorskip("sklearn")
 pytest.importorskip("emcee")
@@ -30,12 +31,7 @@ def measured_test(folder):
         rows.append(f"{0.1 * along} {volume} {stress} 100")
     file = folder / "measured.txt"
     file.write_text("\n".join(rows))
-    columns = {
-        "axial_strain": ("e", "1", "compression"),
-        "volumetric_strain": ("ev", "1", "compression"),
-        "axial_stress": ("s1", "kPa", "compression"),
-        "radial_stress": ("s3", "kPa", "compression"),
-    }
+    columns = of_columns(e1="e:1", ev="ev:1", s1="s1:kPa", s3="s3:kPa")
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.1)
     return lk.read_measured(file, path, columns, void_ratio=0.75, **KINDS)
 

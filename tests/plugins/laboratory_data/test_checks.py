@@ -6,14 +6,10 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.plugins.laboratory_data import preview
+from tests.plugins.laboratory_data.columns import of_columns
 
 GIVEN = {"strain_kind": "engineering", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
-COLUMNS = {
-    "axial_strain": ("eps", "%", "compression"),
-    "volumetric_strain": ("epsv", "%", "compression"),
-    "axial_stress": ("s1", "kPa", "compression"),
-    "radial_stress": ("s3", "kPa", "compression"),
-}
+COLUMNS = of_columns(e1="eps:%", ev="epsv:%", s1="s1:kPa", s3="s3:kPa")
 CR = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.2)
 ROWS = ["0,0,100,100", "1,0.2,200,100", "2,0.3,250,100", "4,0.2,280,100", "8,-0.4,270,100"]
 

@@ -7,14 +7,10 @@ import pytest
 
 import labkit as lk
 from labkit.plugins.laboratory_data import remarks
+from tests.plugins.laboratory_data.columns import of_columns
 
 GIVEN = {"strain_kind": "logarithmic", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
-COLUMNS = {
-    "axial_strain": ("e", "1", "compression"),
-    "volumetric_strain": ("v", "1", "compression"),
-    "deviatoric_stress": ("q", "kPa", "compression"),
-    "radial_stress": ("s", "kPa", "compression"),
-}
+COLUMNS = of_columns(e1="e:1", ev="v:1", q="q:kPa", s3="s:kPa")
 PATHS = {
     "cr": lambda p, strain: lk.paths.ConstantRadialStress(pressure=p, strain=strain),
     "cp": lambda p, strain: lk.paths.ConstantMeanStress(pressure=p, strain=strain),
