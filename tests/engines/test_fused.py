@@ -373,13 +373,14 @@ class Alternating(ThreadChoice):
         self.count = 3 - self.count
 
 
-def test_the_results_are_bit_identical_for_any_number_of_threads(specimen):
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_the_results_are_bit_identical_for_any_number_of_threads(precision, specimen):
     gradient = shear(specimen)
     state = copies(specimen, (2, 2, 2))  # large enough for several domains
     assert state.number_of_grains > 8000
     results = []
     for threads, choice in ((1, None), (2, None), (2, Alternating(2))):
-        engine = FusedEngine(state, threads)
+        engine = FusedEngine(state, threads, precision=precision)
         engine._choice = choice or engine._choice
         engine.advance(150, gradient)
         results.append(engine.state())
@@ -393,15 +394,18 @@ def test_a_small_specimen_uses_one_thread(specimen, caplog):
     assert "runs on 1 thread, not 2: it can use one thread per 3,000 grains" in caplog.text
 
 
-def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_path):
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(precision, specimen, tmp_path):
     gradient = shear(specimen)
-    engine = FusedEngine(open_ledger(specimen))
+    engine = FusedEngine(open_ledger(specimen), precision=precision)
     engine.advance(700, gradient)
     write_state(tmp_path / "half.state.nc", reload(engine))
-    resumed = FusedEngine(read_state(tmp_path / "half.state.nc"))
+    half = read_state(tmp_path / "half.state.nc")
+    resumed = FusedEngine(half, precision=precision)
     for either in (engine, resumed):
         either.advance(1300, gradient)
     assert identical(engine.state(), resumed.state())
+    assert half.precision == precision and FusedEngine(half).state().precision == "double"
 
 
 def test_grains_are_stopped_in_place_as_by_loading_them_without_velocities(specimen):

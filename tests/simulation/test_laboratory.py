@@ -230,8 +230,6 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 "),
         (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
         (lambda: lk.run(state, cv(), file="new.nc", engine=lk.Fused(10_000)), "threads", "threads 10000 "),
-        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 "),
-        (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 "),
         (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots"),
         (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
         (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses'"),
