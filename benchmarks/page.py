@@ -49,8 +49,9 @@ CHOICES = {
 }
 PATH = lk.paths.ConstantMeanStress(strain=0.1, pressure=2e5)
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
-SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws without a GPU
+OPTIONS_OF_BROWSER = ("--no-sandbox", "--disable-3d-apis")  # without the picture in 3D, which a graphics card draws
 PATIENCE = 3_600_000  # ms
+COLUMNS = ["round", "grains", "where", "stage", "wall", "cpu", "memory"]
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -135,8 +136,8 @@ def visit(folder: Path, names: set[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["file", "bytes", "gzipped"])
 
 
-def differences(page: Page, grains: int, scratch: Path) -> Iterator[tuple[int, str, float]]:
-    """Yield number of grains, quantity, and its largest difference between the page and this computer."""
+def differences(page: Page, grains: int, scratch: Path) -> pd.DataFrame:
+    """Return the largest differences of three quantities between a run in the page and the same one here."""
     bench = Bench(lambda text: None)
     asyncio.run(bench.start({**choices(grains), "path": {**CHOICES["path"], "strain": "0.001"}}))
     state = bench.specimen
@@ -152,10 +153,14 @@ def differences(page: Page, grains: int, scratch: Path) -> Iterator[tuple[int, s
         page.click("#run_file")
     download.value.save_as(scratch / "page.run.npz")
     there = lk.open_run(scratch / "page.run.npz")
-    run = lk.run(state, PATH, save_every=OPTIONS.save_every, snapshots=OPTIONS.snapshots, progress=False).data
-    for name in ("q/p", "void_ratio", "coordination_number"):
-        one, other = (table.lab.quantity(name).values for table in (run, there))
-        yield grains, name, float(np.abs(one - other).max())
+    here = lk.run(state, PATH, save_every=OPTIONS.save_every, snapshots=OPTIONS.snapshots, progress=False).data
+    names = ("q/p", "void_ratio", "coordination_number")
+    values = [(here.lab.quantity(name).values, there.lab.quantity(name).values) for name in names]
+    rows = [
+        (grains, name, np.abs(a - b)[:11].max(), np.abs(a - b).max())
+        for name, (a, b) in zip(names, values, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=["grains", "quantity", "to_1_percent", "to_10_percent"])
 
 
 def exercises(page: Page, address: str) -> Iterator[tuple[str, str, str, float, float]]:
@@ -170,6 +175,13 @@ def exercises(page: Page, address: str) -> Iterator[tuple[str, str, str, float, 
                 words, there, here = (cell.text_content() or "" for cell in row.query_selector_all("td"))
                 print(exercise.name, test.title, words, there, here, flush=True)
                 yield exercise.name, test.title, words, float(there), float(here)
+
+
+def store(tables: dict[str, pd.DataFrame], folder: str) -> None:
+    """Write the tables that are there so far."""
+    command = shlex.join(["python", "-m", "benchmarks.page", *sys.argv[1:]])
+    for name, table in tables.items():
+        write_with_provenance(Path(folder, name), table.to_csv(index=False), command=command)
 
 
 def main() -> None:
@@ -196,7 +208,6 @@ def main() -> None:
     from playwright.sync_api import sync_playwright
 
     rows, tables = [], dict[str, pd.DataFrame]()
-    apart = list[tuple[int, str, float]]()
     program = next(filter(None, map(shutil.which, BROWSERS)))
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         site = Path(scratch, "site")
@@ -205,7 +216,7 @@ def main() -> None:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         address = f"http://127.0.0.1:{server.server_port}/"
         for number, grains in itertools.product(range(chosen.rounds), chosen.grains):
-            browser = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
+            browser = playwright.chromium.launch(executable_path=program, args=OPTIONS_OF_BROWSER)
             page = browser.new_page(accept_downloads=True)
             page.set_default_timeout(PATIENCE)
             found = {
@@ -213,29 +224,25 @@ def main() -> None:
                 "desktop": on_desktop(grains),
             }
             memory = workers(os.getpid())[1]
-            if number == 0:
+            if number == 0 and grains == chosen.grains[0]:
                 tables["visit.csv"] = visit(site, asked)
-                apart += differences(page, grains, Path(scratch))
+                tables["differences.csv"] = differences(page, grains, Path(scratch))
             browser.close()
             for where, times in found.items():
                 for stage, (wall, cpu) in times.items():
                     size = round(memory) if where == "page" else None
                     rows.append((number, grains, where, stage, round(wall, 2), round(cpu, 2), size))
                     print(*rows[-1], flush=True)
+            tables["speed.csv"] = pd.DataFrame(rows, columns=COLUMNS)
+            store(tables, chosen.folder)
         if chosen.exercises:
-            browser = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
+            browser = playwright.chromium.launch(executable_path=program, args=OPTIONS_OF_BROWSER)
             page = browser.new_page()
             page.set_default_timeout(PATIENCE)
             columns = ["exercise", "test", "number", "desktop", "page"]
             tables["exercises.csv"] = pd.DataFrame(exercises(page, address), columns=columns)
             browser.close()
-    if rows:
-        columns = ["round", "grains", "where", "stage", "wall", "cpu", "memory"]
-        tables["speed.csv"] = pd.DataFrame(rows, columns=columns)
-        tables["differences.csv"] = pd.DataFrame(apart, columns=["grains", "quantity", "largest"])
-    command = shlex.join(["python", "-m", "benchmarks.page", *sys.argv[1:]])
-    for name, table in tables.items():
-        write_with_provenance(Path(chosen.folder, name), table.to_csv(index=False), command=command)
+            store(tables, chosen.folder)
 
 
 if __name__ == "__main__":

@@ -93,7 +93,6 @@ function enable(over) {  // buttons for a test that is over, or that runs
   finished = over;
   element("run").disabled = false;
   element("pause").disabled = element("end").disabled = over;
-  element("pause").textContent = "Pause";
   for (const id of ["go_on", "records", "run_file", "state_file"]) element(id).disabled = !runs.at(-1)?.length;
   if (opened) element("go_on").disabled = element("state_file").disabled = !over;
 }
@@ -102,6 +101,7 @@ async function begin(call) {
   element("error").hidden = true;
   document.querySelectorAll(".wrong").forEach((label) => label.classList.remove("wrong"));
   enable(false);
+  element("pause").textContent = "Pause";
   running = call === "start" ? JSON.stringify(chosen()) : "";
   ask(call, chosen(), ...(running === asked ? [await bytes(specimen)] : []));
 }
@@ -112,7 +112,7 @@ function listen(data) {
   if (data.ready) { enable(true); element("status").dataset.ready = data.ready; say("ready"); }
   if (data.status) say(data.status, data.done);
   if (data.panels) { [panels, made] = [data.panels, true]; runs = [...runs.filter((rows) => rows.length).slice(-3), []]; show_panels(data.note); }
-  if (data.row) { runs.at(-1)[data.number] = data.row; enable(false); schedule(); }
+  if (data.row) { runs.at(-1)[data.number] = data.row; enable(finished); schedule(); }
   if (data.snapshot) {
     element("viewer").contentWindow.postMessage({ common: data.common, snapshot: data.snapshot }, "*");
     element("rose").hidden = false;
