@@ -14,7 +14,8 @@ from analysis.hidden_state.nearest import DRAWS, OTHER, SAME, SEED, left_out
 from analysis.hidden_state.table import CANDIDATES, RATES, STATE
 from analysis.hidden_state.twins import ENOUGH, directions
 
-ENOUGH_PAIRS = 5  # twins of a sort and density, below which near pairs are compared
+ENOUGH_PAIRS = 5  # twins of a sort and density, below which near pairs are compared; without as many pairs, no verdict
+TOO_FEW = "too few pairs"
 NEAR = 2.0 * ENOUGH
 ALL = "all"
 WINDOWS = ("0 to 0.5 %", "0.5 to 1 %", "1 to 2 %")
@@ -68,6 +69,7 @@ def ratio_of(squares: dict[str, np.ndarray], looks: int) -> tuple[float, float, 
     other, same = (generator.choice(squares[sort], (DRAWS, squares[sort].size)).mean(axis=1) for sort in (OTHER, SAME))
     low, high = np.quantile(np.sqrt(other / same), [0.025 / looks, 1.0 - 0.025 / looks])
     verdict = "remembered" if low > 1.0 else "a state" if high < 1.25 else "not decided"
+    verdict = TOO_FEW if min(map(len, squares.values())) < ENOUGH_PAIRS else verdict
     return *sizes, sizes[0] / sizes[1], float(low), float(high), verdict
 
 
@@ -131,6 +133,7 @@ def ranked(pairs: Sequence[Pair]) -> pandas.DataFrame:
     for name, slope, gain in found:
         share = gain / (counts @ y**2)
         low, high = np.quantile(share[1:], [0.025 / len(CANDIDATES), 1.0 - 0.025 / len(CANDIDATES)])
-        rows.append((name, share[0], low, high, slope, "yes" if low > 0.0 else "no"))
+        memory = TOO_FEW if len(used) < ENOUGH_PAIRS else "yes" if low > 0.0 else "no"
+        rows.append((name, share[0], low, high, slope, memory))
     table = pandas.DataFrame(rows, columns="candidate share low high slope memory".split())
     return pandas.concat([table[:1], table[1:].sort_values("share", ascending=False)], ignore_index=True)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.hidden_state.contest import FORMS, WITH_FABRIC, summary
-from analysis.hidden_state.equal import WINDOWS
+from analysis.hidden_state.equal import TOO_FEW, WINDOWS
 from analysis.hidden_state.fabric import GRAINS
 from analysis.hidden_state.law import PRINTED_K
 from analysis.study import StoredTables
@@ -18,6 +18,7 @@ DENSITIES = ("dense", "medium", "loose")
 LABELS = {"D": "$D$", "dZ": "$dZ$", "dLambda": r"$d\Lambda$", "dA": "$dA$", "dF": "$dF$", "dFt": "$dF^t$"}
 TURNS = ("turn 0.2", "turn 0.4", "turn 0.6", "cycles", "monotonic")
 OF_D = ("cycles", "monotonic", "again 90")
+OF_LABKIT = ("calibrated", "better", FORMS)
 SHOWN = (GRAINS, FORMS, "calibrated", "better", WITH_FABRIC, "sanisand", "hypoplasticity")
 
 
@@ -26,21 +27,25 @@ def state_figure(tables: StoredTables) -> Figure:
     figure = new_figure(WIDTH, 3.6)
     left, right = figure.subplots(1, 2)
     twins, nearest = (tables[name].query("density == 'all'") for name in ("twin_rates", "rates"))
-    names = [*LABELS, *WINDOWS]
-    for k, (label, rates) in enumerate((("twins", twins), ("nearest states", nearest))):
+    names, few = [*LABELS, *WINDOWS], (twins["verdict"] == TOO_FEW).any()
+    for k, (label, rates) in enumerate(
+        (("pairs below 0.2, too few" if few else "twins", twins), ("nearest states", nearest))
+    ):
         x = np.array([names.index(name) for name in rates["rate"]]) + 0.2 * k
-        errors = [rates["ratio"] - rates["low"], rates["high"] - rates["ratio"]]
-        left.errorbar(x, rates["ratio"], yerr=errors, fmt="os"[k], color=f"C{k}", capsize=2, ms=4, label=label)
-    own = tables["twin_rates"].query("rate == 'D' and density != 'all'")
-    for k, row in enumerate(own.itertuples()):
-        left.plot(-0.3 + 0.08 * k, row.ratio, "x", color=f"C{k + 2}", ms=5, label=f"twins, {row.density}")
+        errors = None if few and k == 0 else [rates["ratio"] - rates["low"], rates["high"] - rates["ratio"]]
+        fill = "none" if errors is None else "full"
+        left.errorbar(
+            x, rates["ratio"], errors, fmt="os"[k], color=f"C{k}", fillstyle=fill, capsize=2, ms=4, label=label
+        )
     left.axhline(1.0, color="0.6", lw=0.8)
     ticks = [LABELS.get(name, "D, " + name.replace(" %", "")) for name in names]
     left.set_xticks(range(len(names)), ticks, rotation=60, fontsize=7)
     left.set(ylabel="difference of rates, other history / same", ylim=(0.0, None))
     left.legend(fontsize=6)
-    order = list(tables["twin_ranking"]["candidate"][1:][::-1])
+    order = list(tables["ranking"]["candidate"][1:][::-1])
     for k, name in enumerate(("twin_ranking", "ranking")):
+        if few and k == 0:
+            continue
         ranking = tables[name].set_index("candidate").loc[order]
         share = 100.0 * ranking[["share", "low", "high"]]
         errors = [share["share"] - share["low"], share["high"] - share["share"]]
@@ -116,25 +121,29 @@ def fabric_figure(table: pandas.DataFrame) -> Figure:
 def contest_figure(tables: StoredTables) -> Figure:
     """Errors of s/p and of volume of all laws, dense and medium, held out, with intervals; and undrained cycles."""
     figure = new_figure(WIDTH, 5.6)
-    grid = figure.subplot_mosaic("AA;BB;CD")
+    grid = figure.subplot_mosaic("AA;BB;CL")
     table = summary(tables["contest"]).query("part == 'held out' and densities == 'dense, medium'")
-    laws = list(dict.fromkeys(table["law"]))
-    groups = list(dict.fromkeys(table["group"]))
-    colors = colors_for(len(laws))
+    laws, groups = list(dict.fromkeys(table["law"])), list(dict.fromkeys(table["group"]))
+    colors = [f"C{k % 10}" for k in range(len(laws))]
     for axes, value, label in ((grid["A"], "stress", "error of s/p (%)"), (grid["B"], "volume", "error of volume (%)")):
         for k, (law, color) in enumerate(zip(laws, colors, strict=True)):
             own = table[table["law"] == law].set_index("group").reindex(groups)
             x = np.arange(len(groups)) + 0.85 * ((k + 0.5) / len(laws) - 0.5)
-            axes.errorbar(x, own[value], yerr=own[f"{value}_within"], fmt="o", ms=3, color=color, label=law, capsize=1)
+            marker = "s" if law in OF_LABKIT else "o"
+            axes.errorbar(x, own[value], own[f"{value}_within"], fmt=marker, ms=4, color=color, label=law, capsize=1)
         axes.set_xticks(range(len(groups)), groups)
-        axes.set(ylabel=label, yscale="log")
-    grid["A"].legend(fontsize=5, ncols=3)
-    for key, density in (("C", "medium"), ("D", "loose")):
-        own = tables["cycles"].query("density == @density")
-        for law in ("grains", *laws):
-            of_law = own[own["law"] == law].groupby("CSR")["N"].median()
-            if len(of_law):
-                color = "k" if law == "grains" else colors[laws.index(law)]
-                grid[key].plot(of_law.values, of_law.index, "o-", ms=3, color=color, lw=1.5 if law == "grains" else 0.8)
-        grid[key].set(xscale="log", xlabel="N to $r_u$ = 0.95", ylabel="CSR", title=density)
+        axes.set(ylabel=label, ylim=(0.0, None))
+    grid["B"].set(yscale="log", ylim=(1.0, 1e3))
+    grid["L"].legend(*grid["A"].get_legend_handles_labels(), fontsize=7, ncols=2, loc="center")
+    grid["L"].axis("off")
+    own, axes = tables["cycles"].query("density == 'loose'"), grid["C"]
+    for law, color in zip((GRAINS, *laws), ("k", *colors), strict=True):
+        of_law = own[own["law"] == law]
+        median = of_law.groupby("CSR")["N"].median()
+        if law == GRAINS:
+            axes.plot(of_law["N"], of_law["CSR"], ".", color="0.5", ms=4)
+        axes.plot(median.values, median.index, "-", color=color, lw=2.0 if law == GRAINS else 0.8)
+    axes.set(xscale="log", xlabel="N to $r_u$ = 0.95, loose (30: not reached)", ylabel="CSR")
+    axes.set_xticks([1, 2, 5, 10, 20, 30], ["1", "2", "5", "10", "20", "30"], minor=False)
+    axes.minorticks_off()
     return figure
