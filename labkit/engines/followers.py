@@ -42,6 +42,7 @@ from labkit.version import __version__
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
 MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
+FREED = {"MALLOC_MMAP_THRESHOLD_": "500000"}  # bytes; glibc then returns larger freed arrays to the system at once
 ROOT = Path(__file__).resolve().parents[2]
 READY = "labkit: ready"  # what a follower prints before it connects
 ERROR = 1  # tag of the message with the error of a follower
@@ -249,7 +250,7 @@ def start_followers(size: int, threads: int) -> Ranks:
         raise InputError("start labkit without mpiexec: it starts the ranks itself")
     output, port = tempfile.TemporaryFile(), mpi.Open_port()
     own = {} if os.environ.get(LAUNCHER) else MEMORY
-    environment = {**own, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
+    environment = {**own, **FREED, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
     program = [sys.executable, "-P", "-m", "labkit.engines.followers", port.encode().hex()]
     # in another folder, because MPI reads settings from the current one
     process = start_process(

@@ -45,14 +45,8 @@ SEARCH_STEPS = (150, 1500)
 NONE = Corrections.constant(0, np.zeros((3, 3))).plan
 # arrays of a State that the engine stores in its own layout
 OWN = (
-    "position",
-    "velocity",
-    "angular_velocity",
-    "contact_grain",
-    "contact_shift",
-    "tangential_force",
-    "rolling_moment",
-    "columns",
+    *("position", "velocity", "angular_velocity", "contact_grain", "contact_shift"),
+    *("tangential_force", "rolling_moment", "columns"),
 )
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # type of numbers that may be single
