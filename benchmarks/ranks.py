@@ -89,9 +89,9 @@ def run_to(file: Path, state: State, path: StrainPath, engine: Device, steps: in
     )
 
 
-def cases(some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
+def cases(laws: list[str], some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
     """Yield law, path and numbers of ranks; with `some`, one path and one number of ranks for each law."""
-    for number, law in enumerate(LAWS):
+    for number, law in enumerate(laws):
         for place, path in enumerate(PATHS):
             if not some or place == number % len(PATHS):
                 turn = (number + number // len(PATHS)) % len(ranks)
@@ -134,6 +134,7 @@ def main() -> None:
     parser.add_argument("specimen")
     parser.add_argument("--copies", nargs=3, type=int, default=[1, 1, 1])
     parser.add_argument("--ranks", nargs="+", default=["2", "3", "4", "2x2"])
+    parser.add_argument("--laws", nargs="+", default=list(LAWS))
     parser.add_argument("--steps", type=int, default=300, help="time steps of a run")
     parser.add_argument("--some", action="store_true", help="each law on one path and one number of ranks")
     parser.add_argument("--speed", type=int, metavar="ROUNDS", help="measure times instead")
@@ -143,7 +144,7 @@ def main() -> None:
     if asked.speed:
         return speed(specimen, asked.steps, asked.speed)
     with tempfile.TemporaryDirectory() as place:
-        for law, name, numbers in cases(asked.some, asked.ranks):
+        for law, name, numbers in cases(asked.laws, asked.some, asked.ranks):
             state = shaken(under(law, specimen), seed=1)
             strain = RATE * state.time_step * asked.steps
             extent = {} if name == "undrained_cycles" else {"strain": strain}
