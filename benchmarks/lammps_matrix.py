@@ -1,11 +1,11 @@
 """Is the engine lammps equal to fused, with every contact law? Give the same command again to continue.
 
-    python -m benchmarks.lammps_matrix s.state.nc matrix.csv --ranks 2 1 4
-    python -m benchmarks.lammps_matrix s.state.nc 5_percent.csv --laws hertz_mindlin --paths cp --steps 50000
+    python -m benchmarks.lammps_matrix s.state.nc m.csv --ranks 2 1 4
+    python -m benchmarks.lammps_matrix s.state.nc 5.csv --laws jkr --paths cp --steps 30000 --other s2.state.nc
 
 A row has the largest differences of q/p, the coordination number and the void ratio from `fused` in all records,
 relative to their largest values. The row `bit` is fused itself, with another last bit of one coordinate of one grain:
-the growth of rounding.
+the growth of rounding. The row `other` is fused with another specimen: the scatter of specimens.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=3000, help="time steps of a run")
     parser.add_argument("--laws", nargs="+", default=list(LAWS))
     parser.add_argument("--paths", nargs="+", default=list(PATHS))
+    parser.add_argument("--other", help="another specimen, to compare with")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     done = {tuple(row[:3]) for row in csv.reader(asked.table.open())} if asked.table.exists() else set()
@@ -69,6 +70,8 @@ def main() -> None:
             for name in asked.paths:
                 runs: dict[str, tuple[State, Device]] = {"bit": (with_another_bit(state), lk.Fused())}
                 runs |= {str(ranks): (state, Device("lammps", ranks=ranks)) for ranks in asked.ranks}
+                if asked.other:
+                    runs["other"] = shaken(under(law, lk.read_state(asked.other)), seed=1), lk.Fused()
                 left = [case for case in runs if (law, name, case) not in done]
                 extent = {} if name == "undrained_cycles" else {"strain": RATE * state.time_step * asked.steps}
                 path = make_path(name, {**PATHS[name], **extent, "rate": RATE})
