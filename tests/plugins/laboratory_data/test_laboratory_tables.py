@@ -65,6 +65,12 @@ def test_separators_decimal_marks_and_thousands_give_the_same_numbers(tmp_path, 
     assert list(found.lines) == [2 + units, 3 + units, 4 + units, 5 + units]
 
 
+def test_another_mark_between_thousands_can_be_given(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text(form(";", False, False, "_"), encoding="utf-8")
+    require_rows(columns_of(file, thousands="_"))
+
+
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
