@@ -11,12 +11,7 @@ from labkit.plugins.laboratory_data.table import read_laboratory_columns
 from labkit.plugins.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor, unit_in_header
 
 HEADERS = ["\u03b5\u2081", "\u03b5v", "\u03c3\u2081", "\u03c3\u2083"]
-ROWS = [
-    (0.0, 0.0, 100.25, 100.25),
-    (0.5, 0.125, 180.5, 100.0),
-    (1.0, -0.25, 1100.75, 99.5),
-    (2.0, -0.5, 1234.0, 100.0),
-]
+ROWS = [(0.0, 0.0, 100.25, 100.25), (0.5, 0.125, 180.5, 100.0), (1.0, -0.25, 1100.75, 99.5), (2.0, -0.5, 1234.0, 100.0)]
 LATIN = ["Stauchung", "Volumen\u00e4nderung", "Axialdruck", "Zelldruck"]
 
 
