@@ -36,9 +36,8 @@ from labkit.results.endings import (
 )
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
-from labkit.simulation.clock import PathClock
+from labkit.simulation.clock import PathClock, pace, steps_at
 from labkit.simulation.loading import Loading
-from labkit.simulation.pace import pace, steps_at
 from labkit.simulation.progress import status_of
 from labkit.simulation.stopping import Stopping
 from labkit.specimens.ready import Answer

@@ -31,8 +31,8 @@ from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
 from labkit.results.endings import unfinished_error
 from labkit.servo.reach import ERROR, errors, require_way
+from labkit.simulation.clock import ACCUMULATED
 from labkit.simulation.grains import Grains
-from labkit.simulation.pace import ACCUMULATED
 from labkit.simulation.stopping import contents
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.ready import ready

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.plugins.page.server import serve
+from labkit.plugins.page.command import serve
 from labkit.plugins.page.site import wheel_for_browsers, write_site
 
 pytestmark = [pytest.mark.long, pytest.mark.slow, pytest.mark.browser]

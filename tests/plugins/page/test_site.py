@@ -6,7 +6,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
-from labkit.plugins.page.server import serve
+from labkit.plugins.page.command import serve
 
 
 @pytest.fixture(scope="module")
