@@ -1,6 +1,5 @@
 """The C++ host: what reaches it is checked, and what it does is watched by sanitizers and a second compiler."""
 
-import ctypes
 import os
 import shutil
 import subprocess
@@ -17,11 +16,10 @@ import labkit as lk
 from labkit.engines.fused import FusedEngine
 from labkit.engines.host import build
 from labkit.engines.kernel import host
-from labkit.engines.kernel.layout import ARRAYS, COMPILED, LoopStruct, offsets
+from labkit.engines.kernel.layout import ARRAYS, COMPILED
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.neighbours import sort_grains
 from labkit.engines.kernel.packing import History
-from labkit.errors import InputError
 from labkit.grains.state import grains_in_cell
 from tests.conftest import ROOT
 
@@ -434,23 +432,3 @@ print(fork.exitcode, advance(engine) > 0.0)
 """
     done = run_program(program)
     assert done.stdout == "0 True\n" and "forked" in done.stderr, done.stderr
-
-
-class Exchanged(ctypes.Structure):
-    """LoopStruct with two members exchanged, so that the offsets of all members are different or in another order."""
-
-    _fields_ = [*LoopStruct._fields_[1::-1], *LoopStruct._fields_[2:]]
-
-
-class Shorter(ctypes.Structure):
-    """LoopStruct without its last member."""
-
-    _fields_ = LoopStruct._fields_[:-1]
-
-
-@pytest.mark.parametrize("struct", [Exchanged, Shorter])
-def test_a_library_with_other_structs_is_refused(struct, monkeypatch):
-    host.require_layout(host.library())
-    monkeypatch.setitem(COMPILED, "compiled_loop", offsets(struct))
-    with pytest.raises(InputError, match="compiled_loop"):
-        host.require_layout(host.library())

@@ -243,6 +243,8 @@ RUNS = {
     "a record that does not exist": (put("contacts/record", -1, 10**6), "contacts/record does not list"),
     "a negative radius": (put("grains/radius", 0, -1.0), "grains/radius "),
     "complete as text": (attribute("complete", "yes"), "the attribute complete is not 0 or 1"),
+    "no scene": (lambda d: d.delncattr("scene"), "scene"),
+    "an unknown law": (scene("law", "hertz"), "'hertz'"),
     "parameters that are not JSON": (attribute("path_parameters", "{"), "path_parameters is not a JSON object"),
 }
 

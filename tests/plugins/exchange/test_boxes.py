@@ -136,6 +136,7 @@ def test_the_shift_of_lees_edwards_boundaries_is_kept(tmp_path, box, tilt):
     assert found.cell[0, 1] == pytest.approx(1e-3 * tilt)
     contacts = found.state(lk.Scene()).snapshot().contacts
     assert contacts.grain.tolist() == [[0, 1]] and contacts.overlap == pytest.approx([0.1e-3])
+    assert found.normal_force == pytest.approx([3.0]) and contacts.normal[0] == pytest.approx([0.0, 1.0, 0.0])
     texts = " ".join(map(str, found.findings))
     assert ("sheared by 2 in x" in texts) or ("shift of 2 in x" in texts)
     assert "all grains have the same z: if they are discs" in texts

@@ -7,7 +7,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli.dispatch import main
-from labkit.plugins.exchange import import_snapshot, read
+from labkit.plugins.exchange import read
 
 ROWS = "1,1,1,0.5\n1,1,1.99,0.5\n3,3,3,0.5\n"
 GIVEN = {"box": "4", "first_id": 0, "force_sign": "compression", "force_on": "first"}
@@ -213,9 +213,3 @@ def test_grains_of_metres_are_imported_and_run(tmp_path, size, capsys):
     state = lk.read_state(output)
     assert state.scene.sizes.largest > 0.1 and state.radius.max() == 2.0 * size
     assert len(state.contact_grain) == 1
-
-
-def test_statistics_of_foreign_contacts_name_no_option_that_does_not_exist(tmp_path):
-    grains = written(tmp_path, f"x,y,z,r\n{ROWS}")
-    found = import_snapshot(grains, box="4", length_unit="mm")
-    assert len(found.contacts) == 1
