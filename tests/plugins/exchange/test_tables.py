@@ -156,6 +156,7 @@ def test_numbers_in_the_names_of_files_are_compared(tmp_path, name, differ):
         f"x y z r\n{ROWS.replace(',', ' ').replace('0.5', '5.0D-01')}",
         f"# x y z r\n{ROWS.replace(',', chr(9))}",
         f"% x y z r\n{ROWS.replace(',', '  ')}",
+        f"# by hand\n# in July\n\n# x y z r\n{ROWS.replace(',', ' ')}",
     ],
 )
 def test_tables_of_other_programs(tmp_path, text, encoding):

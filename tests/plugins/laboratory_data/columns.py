@@ -11,6 +11,6 @@ def of_columns(**letters):
     columns = {}
     for letter, text in letters.items():
         header, unit, sign = [*text.split(":"), "", ""][:3]
-        positive = () if letter in "ue" else (sign or "compression",)
+        positive = () if letter in ("u", "e") else (sign or "compression",)
         columns[QUANTITIES[letter]] = (header, unit or None, *positive)
     return columns
