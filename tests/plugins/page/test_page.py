@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
-<<<<<<< HEAD
-from labkit.plugins.page.command import serve
-from labkit.plugins.page.site import wheel_for_browsers, write_site
-=======
 from labkit.plugins.page.server import serve
 from labkit.plugins.page.site import write_site
->>>>>>> main
 
 pytestmark = [pytest.mark.long, pytest.mark.slow, pytest.mark.browser]
 PHONE = {"width": 390, "height": 800}

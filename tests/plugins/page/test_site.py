@@ -8,8 +8,8 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
-from labkit.plugins.page.command import serve
 from labkit.plugins.page.panels import PANELS
+from labkit.plugins.page.server import serve
 from labkit.plugins.page.site import STATIC, write_site
 from tests.docs.pages import DOCS
 from tests.docs.test_links import anchors
