@@ -28,12 +28,7 @@ from labkit.records.instant import Instant
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
-from labkit.results.endings import (
-    require_false_at_start,
-    require_sane,
-    too_thin,
-    unfinished_error,
-)
+from labkit.results.endings import require_false_at_start, require_sane, too_thin, unfinished_error
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
 from labkit.simulation.clock import PathClock, pace, steps_at

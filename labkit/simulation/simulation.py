@@ -141,13 +141,7 @@ def simulation(
 
 
 def prepare(
-    specimen: State,
-    path: Path,
-    engine: str,
-    progress: Progress,
-    guarded: bool,
-    interim: File | None,
-    signals: Signals,
+    specimen: State, path: Path, engine: str, progress: Progress, guarded: bool, interim: File | None, signals: Signals
 ) -> Generator[Request, object, State]:
     """Return the specimen at rest at the initial pressure of the path, after consolidation if necessary.
 

@@ -80,11 +80,7 @@ class Recipe:
         "sphere", help="shape of the grains, such as `rod aspect_ratio=1.5`, or several, separated by commas"
     )
     size_classes: Number[int | None] = parameter(
-        None,
-        low=1,
-        high=64,
-        kind=int,
-        help="number of different diameters (default: no two are equal)",
+        None, low=1, high=64, kind=int, help="number of different diameters (default: no two are equal)"
     )
     cell: str = parameter(
         "free",

@@ -304,10 +304,7 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
 
 # the functions in the order that the host expects, each with the Needs on which it depends
 Writer: TypeAlias = Callable[..., tuple[Function, Untyped]]
-LAW: dict[Writer, tuple[str, ...]] = {
-    _forces: ("law", "single", "energy"),
-    _stress: ("law", "single", "clumps"),
-}
+LAW: dict[Writer, tuple[str, ...]] = {_forces: ("law", "single", "energy"), _stress: ("law", "single", "clumps")}
 MOTION: dict[Writer, tuple[str, ...]] = {
     _move: ("single", "energy", "damped"),
     _start_step: (),

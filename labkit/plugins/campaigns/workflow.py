@@ -45,12 +45,7 @@ def require_snakemake(profile: str | None = None) -> None:
 
 
 def run_workflow(
-    campaign: Campaign,
-    text: str,
-    folder: Path,
-    cores: int,
-    profile: str | None = None,
-    progress: Progress = silent,
+    campaign: Campaign, text: str, folder: Path, cores: int, profile: str | None = None, progress: Progress = silent
 ) -> int:
     """Bring a campaign up to date in its folder, and return Snakemake's exit code.
 

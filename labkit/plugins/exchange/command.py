@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts, Texts, one_of, require
-from labkit.cli.outputs import figure_name, tell_replaced
+from labkit.cli.outputs import name_beside, tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL
@@ -16,7 +16,7 @@ from labkit.errors import InputError, notice
 from labkit.files.atomic import require_no_link
 from labkit.files.netcdf import labkit_kind
 from labkit.files.provenance import write_provenance, write_with_provenance
-from labkit.files.writable import make_folder, require_different, require_writable, stem
+from labkit.files.writable import make_folder, require_different, require_writable
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.plugins.exchange.formats import FORMATS, writers
 from labkit.plugins.exchange.packing import Answers
@@ -233,7 +233,7 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
         content, ending = chosen, f".{chosen}" if kind == "state" or chosen == "grains" else ""
         if kind == "run":
             content, ending = f"{chosen} of snapshot {snapshot.number}", f".snapshot{snapshot.number}{ending}"
-    output = output or str(Path(run).with_name(f"{stem(run)}{ending}.csv"))
+    output = output or name_beside(run, f"{ending}.csv")
     require_writable(output)
     if chosen != "records" and snapshot.clumps is not None:
         _say([Doubt(f"the grains of {output} are clumps, each as a sphere of equal volume")], True)
@@ -301,7 +301,7 @@ def paraview_command(
 
     require_h5py()
     chosen = snapshots(file, snapshot)
-    default = str(Path(figure_name(file, "paraview")).with_suffix(""))
+    default = name_beside(file, ".paraview")
     if output is None:
         require_no_link(default)
     folder = make_folder(output or default, "-o")
