@@ -202,16 +202,7 @@ def _move(needs: Needs) -> tuple[Function, Untyped]:
     wanted, before = (motion.Motion._fields.index(name) for name in ("wanted", "before"))
     damping_of, energy = _damping_of(needs), True if needs.energy else None
 
-    def move(
-        block: Pointer,
-        masses: Pointer,
-        work: Pointer,
-        double: Pointer,
-        n: int,
-        dt: float,
-        moving: Table,
-        damping: float,
-    ) -> None:
+    def move(block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, moving: Any, damping: float) -> None:
         grains, of_grains = carray(block, GRAIN_ROWS * WIDTH), carray(masses, MASS_ROWS * WIDTH)
         shared, shared2 = carray(work, WORK_ROWS * WIDTH), carray(double, DOUBLE_ROWS * WIDTH)
         L, earlier = carray(moving[wanted], (3, 3), double_kind), carray(moving[before], (3, 3), double_kind)
