@@ -90,10 +90,15 @@ def posteriors(samples: Sequence[Sample]) -> pandas.DataFrame:
     return pandas.concat(made)[["training", "parameter", "5 %", "50 %", "95 %"]]
 
 
+def left_of(sample: Sample) -> list[float]:
+    """Return the points of LEFT of a sample that did not fail."""
+    return (sample.points or [])[-3:]
+
+
 def emulated(samples: Sequence[Sample], draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and standard deviation (3,) of the points of LEFT over draws, (n, parameters): Gaussian processes."""
     x = np.array([[sample.parameters[name] for name in FREE] for sample in samples])
-    points = np.array([sample.points[-3:] for sample in samples])
+    points = np.array([left_of(sample) for sample in samples])
     kernel = ConstantKernel() * RBF(np.ones(len(FREE)), (0.5, 10.0)) + WhiteKernel(0.1, (1e-3, 1.0))
     moments = []
     for values in points.T:
@@ -147,11 +152,11 @@ def hidden(samples: Sequence[Sample]) -> pandas.DataFrame:
 
     Each sample that fills the ranges is a sand, calibrated with the others.
     """
-    scale = np.concatenate([HIGH - LOW, np.std([sample.points[-3:] for sample in samples], axis=0)])
+    scale = np.concatenate([HIGH - LOW, np.std([left_of(sample) for sample in samples], axis=0)])
     inside, widths, errors = [], [], []
     for k, sand in enumerate(samples[:SANDS]):
-        one = untrained([*samples[:k], *samples[k + 1 :]], sand.points)
-        truth = np.array([*sand.parameters.values(), *sand.points[-3:]])
+        one = untrained([*samples[:k], *samples[k + 1 :]], sand.points or ())
+        truth = np.array([*sand.parameters.values(), *left_of(sand)])
         inside.append((one["low"] <= truth) & (truth <= one["high"]))
         widths.append((one["high"] - one["low"]) / scale)
         errors.append(np.abs(one["middle"] - truth) / scale)
