@@ -185,10 +185,10 @@ def main() -> None:
     described.to_csv(RESULTS / "fabric_effects.csv", index=False, float_format="%.4g")
     used = {tuple(key) for key in table[[*LABELS]].to_numpy().tolist()}
     draw([row for row in rows if tuple(row[key] for key in LABELS) in used], RESULTS / "fabric.png")
-    means = table[table["shape"] == "spheres"].groupby(["density", "fabric"])[[*features_of(table), "Z"]].mean()
+    means = table.groupby(["shape", "density", "fabric"])[[*features_of(table), "Z"]].mean()
     shown = np.where(planned["p_holm"] < LEVEL, "yes", "not shown")
     values = {
-        "mean": lambda density, fabric, feature: f"{means.loc[(density, fabric), feature]:.2f}",
+        "mean": lambda density, fabric, feature, shape="spheres": f"{means.loc[(shape, density, fabric), feature]:.2f}",
         "cells": cells(table),
         "planned": planned.assign(factor=np.exp(planned["estimate"]), shown=shown),
         "effects": readable(described),
