@@ -14,7 +14,7 @@ import labkit
 from labkit.errors import InputError
 from labkit.files.hashes import sha256_of_groups
 from labkit.plugins.campaigns.collection import open_campaign
-from tests.changed import changed
+from tests.changed import changed, without
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -34,30 +34,12 @@ def one(tmp_path_factory, labkit_command):
     return folder / "r.run.nc"
 
 
-def compact(file, output):
-    """Copies a run file without its checkpoint and without space for more records."""
-    with netCDF4.Dataset(file) as old, changed(output) as new:
-        copy_group(old, new)
-
-
-def copy_group(old, new):
-    new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
-    for name, dimension in old.dimensions.items():
-        new.createDimension(name, len(dimension))
-    for name, variable in old.variables.items():
-        copied = new.createVariable(name, variable.dtype, variable.dimensions, contiguous=True)
-        copied.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
-        copied[...] = variable[...]
-    for name in set(old.groups) - {"checkpoint"}:
-        copy_group(old.groups[name], new.createGroup(name))
-
-
 @pytest.fixture(scope="module")
 def many(tmp_path_factory, one):
     """Folder of a synthetic campaign: copies with different seeds, and stresses that are multiples."""
     folder = tmp_path_factory.mktemp("many")
     (folder / "runs").mkdir()
-    compact(one, folder / "one.run.nc")
+    without(one, folder / "one.run.nc", ())  # its checkpoint, and space for more records
     for k in range(RUNS):
         file = folder / "runs" / f"cv-{k:04d}.run.nc"
         shutil.copy(folder / "one.run.nc", file)
