@@ -117,7 +117,7 @@ def test_a_whole_run_equals_the_scalar_formulas(model, name):
 
 
 def test_extension_ends_at_the_mirrored_critical_state(model):
-    path = Mixed(-AXIS, [], [], [], strain=LONG)
+    path = Mixed(-AXIS, [], [], [], strain=f"{100 * LONG} %")
     result = drive(model, path, isotropic_state(model, 0.67, 0.5e6), 0.02).require()
     np.testing.assert_allclose(result.state().A, -0.45 * AXIS, atol=1e-3)
     assert result.q[-1] < 0

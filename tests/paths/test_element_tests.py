@@ -66,7 +66,7 @@ OPTIONS = {"progress": False, "save_every": 20, "record_strain": 5e-3, "snapshot
     [
         (tests.SimpleShear(pressure=P, strain=0.6, rate=300.0), None),
         (cycles.UndrainedCycles(amplitude=20e3, cycles=20, rate=20.0), None),
-        (lk.paths.ConstantVolume(strain=0.4), 3e-3),
+        (lk.paths.ConstantVolume(strain=0.4), 9e-4),
     ],
 )
 def test_a_killed_run_resumes_to_the_same_bits(specimen, path, number, tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.errors import LabkitWarning
 from labkit.micro.snapshot import OUTWARD, contact_arms
 from labkit.plugins.exchange import import_snapshot, import_state
 from tests.conftest import PATIENCE
@@ -91,7 +92,8 @@ def test_a_list_without_normals_or_forces_says_what_is_missing(rods, tmp_path):
 
 
 def test_a_state_of_other_grains_is_refused(rods, tmp_path):
-    with pytest.raises(lk.InputError, match="labkit statistics"):
+    noted = pytest.warns(LabkitWarning, match="the size of a grain is that of a sphere of equal volume")
+    with noted, pytest.raises(lk.InputError, match="labkit statistics"):
         import_state(**tables(tmp_path, rods))
 
 

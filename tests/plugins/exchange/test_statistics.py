@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.errors import LabkitWarning
 from labkit.grains.state_file import write_state
 from labkit.plugins.exchange import FORMATS, import_snapshot
 from labkit.plugins.exchange.summary import contact_table, grain_table
@@ -169,7 +170,8 @@ def test_a_format_of_the_user_is_found(tmp_path):
 
     try:
         (tmp_path / "t.txt").write_text("twice\n0.2 0.5 0.5 0.11\n0.4 0.5 0.5 0.11\n")
-        state = lk.import_state(tmp_path / "t.txt")
+        with pytest.warns(LabkitWarning, match="the mean diameter is 0.22 m: is --length-unit right"):
+            state = lk.import_state(tmp_path / "t.txt")
         assert state.radius.tolist() == [0.11, 0.11] and len(state.contact_grain) == 1
     finally:
         del FORMATS._entries["twice"]

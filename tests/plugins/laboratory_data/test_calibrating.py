@@ -130,6 +130,7 @@ def test_a_sample_repeats_the_test_on_grains_and_a_calibration_resumes(tests, sh
     assert len(found.samples) == 12 and file.read_text() == before  # nothing was left to simulate
 
 
+@pytest.mark.filterwarnings("ignore:The optimal value found")  # of scikit-learn
 def test_a_fit_to_scores_ten_times_as_large_is_ten_times_as_large():
     x = np.random.default_rng(3).uniform(size=(20, 2))
     score, share, at = x[:, 0] + np.sin(9.0 * x[:, 1]), np.linspace(0.5, 1.0, 20), np.array([[0.2, 0.4], [0.9, 0.6]])
