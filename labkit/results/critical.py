@@ -170,7 +170,7 @@ ATMOSPHERE = 100e3  # Pa, pressure to which a critical-state line refers
 EXPONENT = 0.7  # of p in the line of Li and Wang (1998)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class CriticalLine:
     """The critical-state line e_c = e_0 - slope (p/100 kPa)**exponent (Li and Wang 1998).
 
@@ -194,7 +194,7 @@ class CriticalLine:
     pressures: tuple[float, float]
     tests: int
     specimens: int
-    covariance: np.ndarray = dataclasses.field(repr=False, compare=False)
+    covariance: np.ndarray = dataclasses.field(repr=False)
 
     def void_ratio(self, p: ArrayLike) -> np.ndarray:
         """Return the critical void ratio at the mean stress p, Pa."""

@@ -7,14 +7,13 @@ import pytest
 
 import labkit as lk
 from labkit.cli.dispatch import main
-from labkit.errors import LabkitWarning
 from labkit.grains.state_file import read_state
 from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read, state_of_snapshot
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
-pytestmark = pytest.mark.slow
+# notes on the small specimens, which test_foreign.py and others examine
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::labkit.errors.LabkitWarning")]
 
-NOTED = "lie outside the box|extend beyond the box|not in equilibrium"  # of the small specimens below
 EXACT = {"lammps_data": "s.data", "ondem": "s.vtkhdf", "sphere_pack": "s.spheres"}
 MERCURY = """MercuryDPM 1.0 name two revision 1 repository none
 restartFile fileType ONE_FILE saveCount 1
@@ -63,8 +62,7 @@ def test_a_state_survives_a_round_trip(name, straight, sheared, tmp_path):
     file = tmp_path / EXACT[name]
     FORMATS[name]().write(state, file)
     known = {"length_unit": "m"} if name == "sphere_pack" else {}
-    with pytest.warns(LabkitWarning, match=NOTED):
-        found = import_state(file, state.scene, **known)
+    found = import_state(file, state.scene, **known)
     same_packing(found, state)
     if name == "ondem":  # the contacts too, with their forces
         again = import_snapshot(file, state.scene)
@@ -84,8 +82,7 @@ def test_texts_of_yade_are_read(straight, yade_files):
     """A SpherePack knows its box, YADE's table of grains does not; both have six digits."""
     folder, _ = yade_files
     for file, box in (("packed.txt", None), ("exported.txt", box_of(straight.cell))):
-        with pytest.warns(LabkitWarning, match=NOTED):
-            found = import_state(folder / file, straight.scene, length_unit="m", box=box)
+        found = import_state(folder / file, straight.scene, length_unit="m", box=box)
         np.testing.assert_allclose(found.radius, straight.radius, rtol=1e-5)
         assert len(found.contact_grain) == pytest.approx(len(straight.contact_grain), rel=0.02)
 
