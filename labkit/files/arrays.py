@@ -161,8 +161,8 @@ class Dataset(Group):
         if mode == "r":
             if file.read_bytes()[:4] == HDF5:
                 raise InputError(
-                    f"{file} is HDF5, for which there is no library here: write it as an archive, in Python "
-                    "labkit.write_state('s.state.npz', labkit.read_state('s.state.nc'))"
+                    f"{file} is netCDF (HDF5), which Python cannot read here: on your computer, "
+                    "labkit export FILE -o new.state.npz writes it as an archive, which can be read"
                 )
             try:
                 with zipfile.ZipFile(file) as archive:

@@ -27,16 +27,6 @@ def run(run_file):
     return labkit.open_run(run_file)
 
 
-@pytest.mark.parametrize(
-    "figure", [name for name in OF_RUNS if name not in ("cycles", "liquefaction")]
-)  # of a monotonic test
-def test_figure_and_table(figure, run_file, tmp_path):
-    picture, table = tmp_path / "f.png", tmp_path / "f.csv"
-    more = ["--variable", "void_ratio"] if figure == "records" else []
-    assert main(["figure", figure, str(run_file), *more, "-o", str(picture), "--csv", str(table)]) == 0
-    assert picture.read_bytes()[:4] == b"\x89PNG" and len(pandas.read_csv(table)) > 1
-
-
 def test_a_figure_takes_only_its_options(run):
     with pytest.raises(InputError, match=r"snapshot 2 does not apply to the figure contacts, only to .*planes"):
         Run(run).plot("contacts", snapshot=2)
@@ -78,20 +68,6 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
     last = run[variable].values[-1]
     last = last[np.triu_indices(3)] if last.ndim == 2 else np.ravel(last)
     np.testing.assert_allclose(table[columns].values[-1], last, rtol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("short", "column", "values"),
-    [
-        ("Z", "coordination_number", lambda run: run["coordination_number"]),
-        ("A_zz", "contact_anisotropy_zz", lambda run: run["contact_anisotropy"].sel(i="z", j="z")),
-        ("q", "q", lambda run: run.lab.q()),
-    ],
-)
-def test_short_names_and_quantities_can_be_drawn(short, column, values, run, run_file, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["figure", "records", str(run_file), "--variable", short, "-o", "f.png", "--csv", "f.csv"]) == 0
-    np.testing.assert_allclose(pandas.read_csv("f.csv")[column], values(run).values, rtol=1e-3)
 
 
 @pytest.mark.parametrize(

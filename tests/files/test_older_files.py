@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import shutil
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -161,22 +160,3 @@ def test_a_file_without_an_essential_variable_is_refused(name, run_file, tmp_pat
         with pytest.raises(lk.InputError) as refused:
             read(file)
         assert str(refused.value) == f"{file} is damaged ({lacking} is missing): repeat the run"
-
-
-def test_a_damaged_file_is_refused_in_one_line(run_file, tmp_path, labkit_command):
-    without(run_file, tmp_path / "stress.run.nc", {"stress"})
-    shutil.copy(run_file, tmp_path / "scene.run.nc")
-    with changed(tmp_path / "scene.run.nc") as run:
-        del run.scene
-    shutil.copy(run_file, tmp_path / "law.run.nc")
-    with changed(tmp_path / "law.run.nc") as run:
-        run.scene = run.scene.replace("rolling_resistance", "hertz")
-    before = sorted(tmp_path.iterdir())
-    for file, word in (("stress", "stress"), ("scene", "scene"), ("law", "'hertz'")):
-        for command in ("verify", "critical", "picture"):
-            done = labkit_command(command, f"{file}.run.nc", cwd=tmp_path)
-            assert done.returncode == 2 and word in done.stderr.partition(f"labkit: {file}.run.nc")[2], (
-                command,
-                done.stderr,
-            )
-            assert len(done.stderr.strip().splitlines()) == 1 and sorted(tmp_path.iterdir()) == before

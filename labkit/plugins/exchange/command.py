@@ -196,6 +196,7 @@ def export_command(
         labkit export r.run.nc -o r.xyz            # OVITO, all snapshots
         labkit export s.state.nc -o s.vtkhdf       # ON-DEM
         labkit export s.state.nc -o load_s.py      # a script for YADE
+        labkit export s.state.nc -o s.state.npz    # the page of `labkit page`
     """
     from labkit.results.dataset import open_run
 
@@ -262,7 +263,8 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
         writer.write(state, file)
     if state.bodies is not None and not writer.keeps_clumps:
         _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
-    write_provenance(file, [run])
+    if labkit_kind(file) is None:  # files of labkit contain their provenance
+        write_provenance(file, [run])
     contacts = f"{len(state.contact_grain)} contacts" if writer.keeps_contacts else "without contacts"
     print(f"{output}: {', '.join(filter(None, (state.contents, instant, contacts)))}, format {writer.name}")
 

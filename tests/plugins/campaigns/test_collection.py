@@ -120,7 +120,7 @@ def test_it_is_lazy_and_labelled(many, one):
             file.rename(file.with_suffix(".nc"))
 
 
-def test_shorter_runs_are_padded_with_nan(one, tmp_path, labkit_command):
+def test_shorter_runs_are_padded_with_nan_and_the_accessor_is_that_of_a_run(one, tmp_path, labkit_command):
     words = ["--strain", 0.005, "--rate", 40, "--engine", "fused", "--snapshots", 0, "-o", tmp_path / "short.run.nc"]
     assert labkit_command("run", "cv", one.with_name("s.state.nc"), *words).returncode == 0
     shutil.copy(one, tmp_path / "long.run.nc")
@@ -137,23 +137,6 @@ def test_shorter_runs_are_padded_with_nan(one, tmp_path, labkit_command):
     assert campaign["friction"].values == pytest.approx([0.4, 0.4]) and campaign["young_modulus"].attrs["units"] == "Pa"
     assert (campaign["law"] == "rolling_resistance").all() and (campaign["void_ratio"].dims == ("run", "time"))
 
-
-def test_a_summary_has_what_differs_and_numbers_with_a_meaning(two):
-    runs = labkit.open_runs(str(two / "*.run.nc"))
-    table = runs.runs.summary()
-    assert set(table.coords) == {"run", "path", "target_strain", "records"}
-    assert not any(bool(column.isnull().all()) for column in table.data_vars.values())
-    assert {"seed", "engine"} <= set(runs.coords)  # the campaign has all parameters
-    one = runs.isel(run=[0]).runs.summary()
-    assert set(one.coords) == {"run", "path"} and "final_mean_stress" in one
-    assert "cycles" not in table and "critical_M" not in table and "peak_stress_ratio" in table
-
-
-def test_a_campaign_has_labels_and_the_accessor_of_a_run(one, tmp_path, labkit_command):
-    words = ["--strain", 0.005, "--rate", 40, "--engine", "fused", "--snapshots", 0, "-o", tmp_path / "short.run.nc"]
-    assert labkit_command("run", "cv", one.with_name("s.state.nc"), *words).returncode == 0
-    shutil.copy(one, tmp_path / "long.run.nc")
-    campaign = open_campaign(tmp_path)
     single = labkit.open_run(one)
     zz = campaign["stress"].sel(run="long", i="z", j="z")
     np.testing.assert_array_equal(zz.values, single["stress"].sel(i="z", j="z").values)
@@ -166,6 +149,17 @@ def test_a_campaign_has_labels_and_the_accessor_of_a_run(one, tmp_path, labkit_c
     assert (campaign.lab.pore_pressure_ratio().max("time") > 0.0).all()
     with pytest.raises(AttributeError, match=r"no lab\.snapshot: open one of its runs"):
         campaign.lab.snapshot(0)
+
+
+def test_a_summary_has_what_differs_and_numbers_with_a_meaning(two):
+    runs = labkit.open_runs(str(two / "*.run.nc"))
+    table = runs.runs.summary()
+    assert set(table.coords) == {"run", "path", "target_strain", "records"}
+    assert not any(bool(column.isnull().all()) for column in table.data_vars.values())
+    assert {"seed", "engine"} <= set(runs.coords)  # the campaign has all parameters
+    one = runs.isel(run=[0]).runs.summary()
+    assert set(one.coords) == {"run", "path"} and "final_mean_stress" in one
+    assert "cycles" not in table and "critical_M" not in table and "peak_stress_ratio" in table
 
 
 def test_the_summary_has_angles_and_volumetric_strain_at_the_peak_and_at_the_end():

@@ -44,12 +44,7 @@ def test_results_of_earlier_parameters_are_set_aside(tmp_path):
     changed = read_campaign(file)
     write_plan(changed, tmp_path)
     assert outputs(tmp_path, changed) == {"specimens/b.state.nc", "runs/cv-b.run.nc"}
-    assert {p.name for p in (tmp_path / OUTDATED).iterdir()} == {
-        "a.state.nc",
-        "cv-a.run.nc",
-        "cv-a.nc",
-        "cv-a.png",
-    }
+    assert {p.name for p in (tmp_path / OUTDATED).iterdir()} == {"a.state.nc", "cv-a.run.nc", "cv-a.nc", "cv-a.png"}
     assert (tmp_path / "figures/cv-b.png").exists()
 
 

@@ -8,7 +8,7 @@ import pytest
 import labkit as lk
 from labkit.cli.dispatch import main
 from labkit.grains.state_file import read_state
-from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read, state_of_snapshot
+from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
 # notes on the small specimens, which test_foreign.py and others examine
@@ -85,22 +85,6 @@ def test_texts_of_yade_are_read(straight, yade_files):
         found = import_state(folder / file, straight.scene, length_unit="m", box=box)
         np.testing.assert_allclose(found.radius, straight.radius, rtol=1e-5)
         assert len(found.contact_grain) == pytest.approx(len(straight.contact_grain), rel=0.02)
-
-
-def test_a_state_of_a_snapshot_is_the_state(straight):
-    again = state_of_snapshot(straight.snapshot())
-    for name in ("contact_grain", "contact_shift", "tangential_force", "position"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(straight, name))
-
-
-def test_a_restart_of_mercury_with_lees_edwards_boundaries(tmp_path):
-    """The image above is shifted by 42 mod 10 = 2: the two grains touch across the face, 1.9 apart."""
-    (tmp_path / "two.restart").write_text(MERCURY)
-    snapshot = import_snapshot(tmp_path / "two.restart", length_unit="mm", force_unit="N")
-    assert snapshot.cell == pytest.approx(1e-3 * np.array([[10, 2, 0], [0, 10, 0], [0, 0, 10]]))
-    assert snapshot.contacts.overlap == pytest.approx([0.1e-3])
-    assert snapshot.contacts.normal_force == pytest.approx([-3.0 * -1.0])
-    assert snapshot.contacts.normal[0] == pytest.approx([0.0, 1.0, 0.0])
 
 
 def test_mercury_says_what_is_no_sphere_and_which_constants_are_friction(tmp_path):
