@@ -14,6 +14,7 @@ from labkit.results.run import Run
 VIRGIN = 0.5  # C_c and K0 are taken where sigma_z exceeds this fraction of its largest value
 LEAST_FALL = 0.8  # a branch that ends above this fraction of the largest sigma_z is no unloading
 FEWEST = 3  # records of a fit
+DRIFT = 0.02  # a larger difference between K0 and its value at the end is said
 SIDEWAYS = 0.02  # of the axial strain: a lateral strain below it is none
 
 
@@ -26,21 +27,24 @@ class CompressionNumbers:
         swelling_index: C_s = -de/d log10 sigma_z between the ends of the first unloading.
         K0: Mean of sigma_x/sigma_z (x and y averaged) of first loading without lateral strain, over its last factor of
             two.
+        K0_at_end: The same ratio at its largest sigma_z: smaller than K0 while it still falls from an isotropic start.
         stress: Least and largest sigma_z of the records of C_c and K0, Pa.
     """
 
     compression_index: float
     swelling_index: float
     K0: float
+    K0_at_end: float
     stress: tuple[float, float]
 
     def __str__(self) -> str:
         """Return the numbers in one line."""
         low, high = (f"{end / 1e3:.4g}" for end in self.stress)
+        ends = f", {self.K0_at_end:.3f} at the end"
         numbers = {
             f"C_c = {self.compression_index:.3g}": self.compression_index,
             f"C_s = {self.swelling_index:.3g}": self.swelling_index,
-            f"K0 = {self.K0:.3f}": self.K0,
+            f"K0 = {self.K0:.3f}" + ends * (abs(self.K0_at_end - self.K0) > DRIFT): self.K0,
         }
         shown = ", ".join(text for text, value in numbers.items() if not np.isnan(value))
         return f"{shown} (sigma_z = {low} to {high} kPa)"
@@ -67,9 +71,11 @@ def compression_numbers(run: Run | xarray.Dataset) -> CompressionNumbers:
         raise InputError(problem, field="run", value=run.attrs["path"], allowed=allowed)
     index = -np.polyfit(np.log10(vertical[used]), e[used], 1)[0]
     horizontal = stress[:, [0, 1], [0, 1]].mean(axis=1)
-    ratio = float((horizontal / vertical)[used].mean()) if lateral.max() <= SIDEWAYS else float("nan")
+    ratio, at_end = float((horizontal / vertical)[used].mean()), float(horizontal[top] / vertical[top])
+    if lateral.max() > SIDEWAYS:
+        ratio = at_end = float("nan")
     range_of = (float(vertical[used].min()), float(vertical.max()))
-    return CompressionNumbers(float(index), _swelling_index(vertical, e), ratio, range_of)
+    return CompressionNumbers(float(index), _swelling_index(vertical, e), ratio, at_end, range_of)
 
 
 def _swelling_index(vertical: np.ndarray, e: np.ndarray) -> float:

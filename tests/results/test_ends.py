@@ -121,6 +121,9 @@ def test_compression_has_its_indices_and_k0():
     found = lk.compression_numbers(run)
     assert (found.compression_index, found.swelling_index, found.K0) == pytest.approx((0.1, 0.02, 0.45), rel=1e-5)
     assert "C_c = 0.1, C_s = 0.02, K0 = 0.450" in str(found)
+    run["stress"].values[:, 0, 0] *= np.linspace(4.0, 1.0, n)  # it falls
+    falls = lk.compression_numbers(run)
+    assert f"K0 = {falls.K0:.3f}, {falls.K0_at_end:.3f} at the end" in str(falls) and falls.K0_at_end < falls.K0 - 0.02
     run["strain"].values[:] += run["strain"].values[:, 2:, 2:] * np.diag([1.0, 1.0, 0.0])
     assert "K0" not in str(lk.compression_numbers(run))  # isotropic compression has none
     with pytest.raises(InputError, match="sigma_z doubles"):
