@@ -70,15 +70,6 @@ def test_texts_of_yade_are_read(straight, yade_files):
         assert len(found.contact_grain) == pytest.approx(len(straight.contact_grain), rel=0.02)
 
 
-def test_mercury_says_what_is_no_sphere_and_which_constants_are_friction(tmp_path):
-    text = MERCURY.replace("SphericalParticle id 9", "SuperQuadricParticle id 9").replace(
-        "stiffness 1000", "slidingFriction 0.5"
-    )
-    (tmp_path / "two.restart").write_text(text)
-    said = " ".join(map(str, read(tmp_path / "two.restart", length_unit="mm", force_unit="N").findings))
-    assert "SuperQuadricParticle of the file become spheres" in said and "slidingFriction 0.5 (--friction)" in said
-
-
 def test_a_box_may_be_text_or_numbers(table):
     file, known = table
     expected = read(file, **{**known, "box": "10,10,10"}).cell
