@@ -64,6 +64,7 @@ def test_constant_volume_is_exact_in_shear(specimen):
 OPTIONS = {"progress": False, "save_every": 20, "record_strain": 5e-3, "snapshots": 0}
 
 
+@pytest.mark.filterwarnings("ignore:the inertial number 0.0009 is above the limit")
 @pytest.mark.parametrize(
     ("path", "number"),
     [

@@ -315,6 +315,7 @@ def test_a_cell_of_a_few_grains_gives_a_warning_with_the_number_needed():
     assert width_warning(wide) is None
 
 
+@pytest.mark.filterwarnings("ignore:a mean stress of")  # in addition to the overlap
 def test_a_specimen_that_exceeds_a_limit_is_made_with_the_same_warnings_by_the_command(capsys):
     said = r"a mean overlap of \d\.\d+ % is above the limit of 2 % in the specimen: give a larger void ratio"
     with pytest.warns(UserWarning, match=said) as warned:
