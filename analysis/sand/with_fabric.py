@@ -1,6 +1,6 @@
 """Calibrate grains with a fabric on drained and undrained tests: `python -m analysis.sand.with_fabric FOLDER`.
 
-FOLDER keeps samples, draws and synthetic sands; each run continues where the last one stopped. The plan is
+FOLDER keeps samples and draws; each run continues where the last one stopped. The plan is
 analysis/plans/karlsruhe_with_fabric.md; analysis.sand.with_fabric_table writes the tables.
 """
 
@@ -21,7 +21,6 @@ from analysis.sand import karlsruhe, undrained
 from analysis.sand.karlsruhe import LIMITS, OTHERS, SCATTER, USED, grain_tests
 from labkit.errors import PhysicsError
 from labkit.micro import void_ratio_nominal
-from labkit.plugins.laboratory_data import take_sample
 
 FREE = {
     "friction": (0.2, 0.8),
@@ -33,7 +32,7 @@ FREE = {
 DRAINED = "drained"  # the tests of USED
 TRAINED, LEFT = "200 kPa, e = 0.814", "200 kPa, e = 0.853, extension"  # undrained tests of the samples
 SAMPLES, GRAINS, DRAWS, SANDS = 60, 300, 8, 10
-FIRST_DRAW, FIRST_SAND = 4001, 5000  # seeds
+FIRST_DRAW = 4001  # seed
 SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, from dense to loose
 LEAST_Q = 0.02  # of p_0: below, q counts as this
 DEVIATIONS = (0.03, 0.03, 0.05)  # of the features of an undrained test
@@ -216,18 +215,8 @@ def predict(posterior: lk.Posterior, file: Path) -> None:
         print(f"draw {number + 1} of {DRAWS}", flush=True)
 
 
-def synthesise(file: Path) -> None:
-    """Test the synthetic sands that the file lacks."""
-    low, high = np.array([*FREE.values()]).T
-    places = low + (high - low) * np.random.default_rng(41).uniform(size=(SANDS, len(FREE)))
-    for number in range(len(lines_of(file)), SANDS):
-        parameters = dict(zip(FREE, map(float, places[number]), strict=True))
-        append(file, dataclasses.asdict(take_sample(fabric_tests(), parameters, GRAINS, FIRST_SAND + number)))
-        print(f"sand {number + 1} of {SANDS}", flush=True)
-
-
 def main() -> None:
-    """Calibrate, predict, test synthetic sands."""
+    """Calibrate, predict."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--samples", type=int, default=SAMPLES)
@@ -244,7 +233,6 @@ def main() -> None:
     )
     print(posterior.table().to_string(float_format="%.4g"), flush=True)
     predict(posterior, options.folder / "with_fabric_draws.jsonl")
-    synthesise(options.folder / "with_fabric_sands.jsonl")
 
 
 if __name__ == "__main__":

@@ -17,22 +17,36 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from analysis.pages import render
 from analysis.pictures import save
 from analysis.sand import karlsruhe, undrained
 from analysis.sand.karlsruhe import OTHERS, RESULTS, grain_tests
-from analysis.sand.score import means, scored
-from analysis.sand.with_fabric import DRAINED, FREE, LEFT, TRAINED, fabric_tests, lines_of
+from analysis.sand.score import constant_intervals, interval_score, means, scored
+from analysis.sand.with_fabric import (
+    DEVIATIONS,
+    DRAINED,
+    FREE,
+    LEFT,
+    SANDS,
+    TRAINED,
+    fabric_tests,
+    lines_of,
+    undrained_of,
+)
 from labkit.plugins.laboratory_data import Sample, posterior_of, read_samples
 
-FILES = {name: RESULTS / f"with_fabric_{name}.jsonl" for name in ("samples", "draws", "sands")}
+FILES = {name: RESULTS / f"with_fabric_{name}.jsonl" for name in ("samples", "draws")}
+LEAST_DRAWS = 3
 TRAININGS = {
     "drained and compression": (DRAINED, TRAINED),
     "drained": (DRAINED,),
     "compression": (TRAINED,),
     "drained, compression and extension": (DRAINED, TRAINED, LEFT),
 }
+POINTS = [f"{LEFT}: {name}" for name in ("least p/p_0", "largest |q/p|", "ln of |q|/p_0 at 3 %")]
 CYCLES = "cycles to r_u = 0.95"
 LOW, HIGH = np.array([*FREE.values()]).T
 
@@ -76,21 +90,79 @@ def posteriors(samples: Sequence[Sample]) -> pandas.DataFrame:
     return pandas.concat(made)[["training", "parameter", "5 %", "50 %", "95 %"]]
 
 
-def hidden(samples: Sequence[Sample], sands: Sequence[Sample]) -> pandas.DataFrame:
-    """Are the parameters of synthetic sands recovered? A row per parameter."""
-    filling, inside, widths, errors = samples[: len(samples) // 2], [], [], []
-    for sand in sands:
-        if sand.points is None:
-            continue
-        draws = posterior_of(fabric_tests(given=sand.points), filling).draws[[*FREE]].to_numpy()
-        low, middle, high = np.quantile(draws, (0.05, 0.5, 0.95), axis=0)
-        truth = np.array([sand.parameters[name] for name in FREE])
-        inside.append((low <= truth) & (truth <= high))
-        widths.append((high - low) / (HIGH - LOW))
-        errors.append(np.abs(middle - truth) / (HIGH - LOW))
+def left_of(sample: Sample) -> list[float]:
+    """Return the points of LEFT of a sample that did not fail."""
+    return (sample.points or [])[-3:]
+
+
+def emulated(samples: Sequence[Sample], draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation (3,) of the points of LEFT over draws, (n, parameters): Gaussian processes."""
+    x = np.array([[sample.parameters[name] for name in FREE] for sample in samples])
+    points = np.array([left_of(sample) for sample in samples])
+    kernel = ConstantKernel() * RBF(np.ones(len(FREE)), (0.5, 10.0)) + WhiteKernel(0.1, (1e-3, 1.0))
+    moments = []
+    for values in points.T:
+        process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
+        process.fit((x - LOW) / (HIGH - LOW), values)
+        mean, deviation = process.predict((draws - LOW) / (HIGH - LOW), return_std=True)
+        moments.append((mean.mean(), np.sqrt(mean.var() + np.mean(deviation**2))))
+    centre, spread = np.array(moments).T
+    return centre, spread
+
+
+def untrained(samples: Sequence[Sample], given: Sequence[float] = ()) -> dict[str, np.ndarray]:
+    """Train on drained tests and compression; return what this says of the parameters and of the points of LEFT."""
+    tests = fabric_tests(given=given)
+    draws = posterior_of(tests, samples).draws
+    centre, spread = emulated(samples, draws[[*FREE]].to_numpy()[::20])
+    half = 1.645 * np.hypot(spread, draws["misfit"].median() * np.array(DEVIATIONS))
+    low, middle, high = np.quantile(draws[[*FREE]].to_numpy(), (0.05, 0.5, 0.95), axis=0)
+    measured = tests.points(tests.measured)[-3:]
+    parts = {"low": (low, centre - half), "middle": (middle, centre), "high": (high, centre + half)}
+    return {name: np.concatenate(both) for name, both in parts.items()} | {"measured": measured}
+
+
+def beside_the_first(found: dict[str, np.ndarray]) -> pandas.DataFrame:
+    """Tabulate the untrained test: prediction, inside and interval score, beside the first study and a constant.
+
+    The constant is the mean of the other extension tests. |q| is compared in kPa, as in the first study.
+    """
+    first = pandas.read_csv(RESULTS / "undrained.csv")
+    first = first[first["test"].str.contains("extension")]
+    rows = []
+    for k, (feature, own) in enumerate(first.groupby("feature", sort=False)):
+        inside = (own["test"] == LEFT).to_numpy()
+        low, middle, high = (found[name][len(FREE) + k] for name in ("low", "middle", "high"))
+        if feature.startswith("|q| at"):
+            low, middle, high = (1e-3 * undrained_of(LEFT)[1] * np.exp([low, middle, high])).tolist()
+        x, spread = own["measured"].to_numpy(), own["measured"].std(ddof=1)
+        constant = [edge[inside] for edge in constant_intervals(x)]
+        before = [own[name].to_numpy()[inside] for name in ("low", "high")]
+        row = {"feature": feature, "measured": x[inside][0], "predicted": middle, "low": low, "high": high}
+        for name, edges in (("", (low, high)), (" before", before), (" of constant", constant)):
+            edges = [np.atleast_1d(edge) for edge in edges]
+            row[f"inside{name}"] = bool(edges[0] <= x[inside] <= edges[1])
+            row[f"score{name}"] = float(interval_score(x[inside], *edges)[0] / spread)
+        rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def hidden(samples: Sequence[Sample]) -> pandas.DataFrame:
+    """Are parameters and the untrained test of sands among the samples recovered? A row per quantity.
+
+    Each sample that fills the ranges is a sand, calibrated with the others.
+    """
+    scale = np.concatenate([HIGH - LOW, np.std([left_of(sample) for sample in samples], axis=0)])
+    inside, widths, errors = [], [], []
+    for k, sand in enumerate(samples[:SANDS]):
+        one = untrained([*samples[:k], *samples[k + 1 :]], sand.points or ())
+        truth = np.array([*sand.parameters.values(), *left_of(sand)])
+        inside.append((one["low"] <= truth) & (truth <= one["high"]))
+        widths.append((one["high"] - one["low"]) / scale)
+        errors.append(np.abs(one["middle"] - truth) / scale)
     columns = {"inside": np.sum(inside, axis=0), "of": len(inside)}
     columns |= {"mean width": np.mean(widths, axis=0), "mean error": np.mean(errors, axis=0)}
-    return pandas.DataFrame({"parameter": [*FREE], **columns})
+    return pandas.DataFrame({"quantity": [*FREE, *POINTS], **columns})
 
 
 def draw(table: pandas.DataFrame, file: Path) -> None:
@@ -114,40 +186,35 @@ def draw(table: pandas.DataFrame, file: Path) -> None:
 
 
 def main() -> None:
-    """Write tables, figure and page."""
+    """Write tables, figure and page; the predictions only if there are enough draws."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored copies)")
     folder = parser.parse_args().folder
     if folder is not None:
         for file in FILES.values():
-            shutil.copyfile(folder / file.name, file)
-    samples, sands = (read_samples(fabric_tests(), FILES[name]) for name in ("samples", "sands"))
-    draws = lines_of(FILES["draws"])
-    misfit = posterior_of(fabric_tests(), samples).draws["misfit"].median()
-    table, trained, recovered = predictions(draws, float(misfit)), posteriors(samples), hidden(samples, sands)
-    compared = scores(table)
-    for name, one in {"": table, "_score": compared, "_posteriors": trained, "_hidden": recovered}.items():
-        one.to_csv(RESULTS / f"with_fabric{name}.csv", index=False, float_format="%.4g")
-    draw(table, RESULTS / "with_fabric.png")
-    cycles = table[table["feature"] == CYCLES].iloc[0]
+            if (folder / file.name).exists():
+                shutil.copyfile(folder / file.name, file)
+    samples, draws = read_samples(fabric_tests(), FILES["samples"]), lines_of(FILES["draws"])
+    misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
+    tested = [sample for sample in samples if sample.points is not None]
+    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
+    if len(draws) >= LEAST_DRAWS:
+        tables["predictions"] = predictions(draws, misfit)
+        tables["score"] = scores(tables["predictions"])
+        draw(tables["predictions"], RESULTS / "with_fabric.png")
+    for name, table in tables.items():
+        table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
+        print(table.to_string(float_format="%.3g"))
     values = {
         "samples": len(samples),
-        "failed": sum(sample.points is None for sample in samples),
-        "filling": len(samples) // 2,
+        "failed": len(samples) - len(tested),
         "draws": len(draws),
-        "sands": int(recovered["of"].iloc[0]),
-        "misfit": float(misfit),
-        "minutes": sum(sample.seconds for sample in samples) / 60.0,
-        "scores": compared,
-        "undrained": table[table["tests"] == "undrained"],
-        "posteriors": trained,
-        "hidden": recovered,
-        "cycles": cycles,
+        "misfit": misfit,
+        "enough": len(draws) >= LEAST_DRAWS,
+        **tables,
     }
     page = render(Path(__file__).with_name("with_fabric_page.md"), values)
     (RESULTS / "with_fabric.md").write_text(page, encoding="utf-8")
-    for one in (compared, table, trained, recovered):
-        print(one.to_string(float_format="%.3g"))
 
 
 if __name__ == "__main__":

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from labkit.plugins.laboratory_data.sampling import GrainTests as GrainTests
     from labkit.plugins.laboratory_data.sampling import Sample as Sample
     from labkit.plugins.laboratory_data.sampling import read_samples as read_samples
-    from labkit.plugins.laboratory_data.sampling import take_sample as take_sample
 
     __all__: list[str]
 else:
