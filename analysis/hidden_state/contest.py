@@ -88,8 +88,8 @@ class TwoForms:
         """y after a deviatoric strain; without `p` the volume is constant, with it the mean stress is held."""
         for _ in range(parts := max(1, int(np.ceil(size / SUBSTEP)))):
             h, volumetric = size / parts, 0.0
-            for _ in range(0 if p is None else 2):
-                volumetric = self._volumetric(y, n, h, p, volumetric)
+            if p is not None:
+                volumetric = self._volumetric(y, n, h, p, self._volumetric(y, n, h, p, volumetric))
             y = y + h * self.rates(y, n, volumetric)
             y[1:3] = np.maximum(y[1:3], (0.1, LEAST * self.first))
         return y

@@ -20,10 +20,10 @@ from scipy.stats import t
 
 import labkit as lk
 from analysis.hidden_state.contest import TwoForms, vector_of
+from analysis.hidden_state.driving import values_of, with_digits
 from analysis.hidden_state.law import Constants
 from analysis.hidden_state.loading import DEVICE, PRESSURE, RATE, SEEDS, specimen
 from analysis.hidden_state.table import Test
-from analysis.hidden_state.twins import values_of, with_digits
 from labkit.errors import InputError, PhysicsError
 from labkit.micro import to_six
 from labkit.model import ConstitutiveLaw, as_run, drive

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pandas
 
+from analysis.hidden_state.driving import ENOUGH, directions
 from analysis.hidden_state.nearest import DRAWS, OTHER, SAME, SEED, left_out
 from analysis.hidden_state.table import CANDIDATES, RATES, STATE
-from analysis.hidden_state.twins import ENOUGH, directions
 
 ENOUGH_PAIRS = 5  # twins of a sort and density, below which near pairs are compared; without as many pairs, no verdict
 TOO_FEW = "too few pairs"
@@ -70,7 +70,7 @@ def ratio_of(squares: dict[str, np.ndarray], looks: int) -> tuple[float, float, 
     low, high = np.quantile(np.sqrt(other / same), [0.025 / looks, 1.0 - 0.025 / looks])
     verdict = "remembered" if low > 1.0 else "a state" if high < 1.25 else "not decided"
     verdict = TOO_FEW if min(map(len, squares.values())) < ENOUGH_PAIRS else verdict
-    return *sizes, sizes[0] / sizes[1], float(low), float(high), verdict
+    return sizes[0], sizes[1], sizes[0] / sizes[1], float(low), float(high), verdict
 
 
 def compared_rates(pairs: Sequence[Pair]) -> pandas.DataFrame:

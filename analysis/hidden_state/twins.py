@@ -16,27 +16,30 @@ import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.hidden_state.loading import (
-    COARSE,
-    DENSITIES,
-    DEVICE,
-    RATE,
-    axial,
-    from_specimen,
-    held_mean_stress,
-    specimen,
+from analysis.hidden_state.driving import (
+    ENOUGH,
+    Scale,
+    driven,
+    probed,
+    sheared_on,
+    state_of_snapshot,
+    strained,
+    values_of,
+    with_digits,
 )
+from analysis.hidden_state.loading import COARSE, DENSITIES, DEVICE, axial, from_specimen, specimen
 from analysis.hidden_state.nearest import OTHER, SAME
 from analysis.hidden_state.records import candidates_of, sections_of, strain_of_cells
 from analysis.hidden_state.records import pairs_of as contacts_of
-from analysis.hidden_state.table import RATES, STATE, deviatoric, read, stacked, states_of, tensor
+from analysis.hidden_state.table import RATES, deviatoric, read, states_of
 from labkit.errors import InputError, PhysicsError
-from labkit.micro import branch_vectors, symmetric, to_six, void_ratio_nominal
+from labkit.micro import to_six
 
 SEEDS = range(21, 27)
 GRAINS = 2000
@@ -44,66 +47,7 @@ RECENT = 0.02  # accumulated strain since the last reversal up to which an insta
 MONOTONIC, REVERSED = "monotonic", "reversed"
 NEARER = 1.0 / 3.0  # share of the candidate pairs that is used
 MOST, MOST_PACKINGS, MOST_TESTS = 20, 3, 5  # pairs of a sort and density; of two packings; of two tests
-ENOUGH = 0.1  # distance of a twin
 WINDOW, INCREMENTS = 0.009, 3  # strain of a history that is driven anew, and the increments of it
-STEP, BULK = 1e-3, 0.05  # strain of the finite differences; the same for volumetric strain, as a share
-DAMPING, LEAST_DAMPING, EVALUATIONS = 8.0, 1.0, 50
-PROBE, ON = 0.002, 0.02  # norm of the deviatoric strain of a probe; axial strain of shearing on
-DIGITS = 4  # significant digits that are stored
-
-
-def directions() -> np.ndarray:
-    """Twelve directions of deviatoric strain, (12, 6): shear in three planes, extension and compression, both signs."""
-    shear = np.eye(6)[3:]
-    axial_strain = np.array([-0.5, -0.5, 1.0, 0.0, 0.0, 0.0]) * np.sqrt(2.0 / 3.0)
-    across = np.array([1.0, -1.0, 0.0, 0.0, 0.0, 0.0]) / np.sqrt(2.0)
-    mixed = (axial_strain + shear[1]) / np.sqrt(2.0)
-    half = np.array([axial_strain, across, *shear, mixed])
-    return np.concatenate([half, -half])
-
-
-def state_of_snapshot(snapshot: lk.Snapshot, like: lk.State) -> lk.State:
-    """The grains of a snapshot at rest, with the forces of their contacts; `like` is the specimen."""
-    contacts, position = snapshot.contacts, snapshot.position
-    if position is None:
-        raise InputError("the snapshot has no positions: take one of a run with snapshots")
-    bare = branch_vectors(position, snapshot.cell, contacts.grain, np.zeros((len(contacts), 3)))
-    shift = np.linalg.solve(snapshot.cell, (contacts.branch(snapshot.radius) - bare).T).T.round()
-    zero = np.zeros_like(position)
-    return like.at_rest().replace(
-        position=position.copy(),
-        cell=snapshot.cell.copy(),
-        velocity=zero,
-        angular_velocity=zero.copy(),
-        contact_grain=contacts.grain.astype(like.contact_grain.dtype),
-        contact_shift=shift.astype(like.contact_shift.dtype),
-        tangential_force=contacts.tangential_force.copy(),
-        rolling_moment=contacts.rolling_moment.copy(),
-    )
-
-
-def values_of(state: lk.State) -> dict[str, np.ndarray]:
-    """e, Z, Lambda, A, F, F^t of a State."""
-    snapshot = state.snapshot()
-    found = lk.statistics(snapshot)
-    tensors = (found.contact_anisotropy, found.normal_force_anisotropy, symmetric(found.mobilisation))
-    scalars = (void_ratio_nominal(snapshot), found.coordination_number, found.mean_normalised_force)
-    values = [np.array([value]) for value in scalars] + [to_six(tensor) for tensor in tensors]
-    return dict(zip(STATE, values, strict=True))
-
-
-class Scale:
-    """Divides states and rates by their standard deviations over all records of a density."""
-
-    def __init__(self, rows: pandas.DataFrame) -> None:
-        """`rows`: the states of a density."""
-        columns = {name: stacked(rows, name) for name in (*STATE, *RATES)}
-        self.size = {name: np.sqrt(((v - v.mean(axis=0)) ** 2).sum(axis=1).mean()) for name, v in columns.items()}
-
-    def vector(self, values: dict[str, np.ndarray]) -> np.ndarray:
-        """The scaled state, (21,); the norm of a difference is the distance."""
-        parts = [values[name] / self.size[name] for name in STATE]
-        return np.concatenate(parts) / np.sqrt(len(STATE))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,11 +55,13 @@ class Instant:
     """An instant of a history that may become a member of a pair.
 
     Args:
-        labels: Test, seed, number of reversals and kind.
+        test: Name of the history.
+        seed: Seed of the packing.
+        section: Number of reversals so far.
         values: e, Z, Lambda, A, F, F^t.
         state: The grains, at rest.
-        back: Index of the earlier instant of the same history from which the member is driven, and the increments of
-            strain between, (INCREMENTS, 6).
+        begin: The grains about WINDOW earlier, from where the member is driven.
+        increments: Strain of the history from there, in INCREMENTS parts, (INCREMENTS, 6).
         since: Pairs of grains in contact at the last reversal (or at the start).
     """
 
@@ -163,7 +109,8 @@ def instants_of(run: lk.Run, begun: lk.State, test: str, seed: int) -> Iterator[
 @functools.cache
 def instants(density: str, seed: int) -> list[Instant]:
     """All instants of a packing."""
-    begun, found = specimen(density, seed, GRAINS), []
+    begun = specimen(density, seed, GRAINS)
+    found: list[Instant] = []
     for test, path in histories(density).items():
         run = lk.run(begun, path, engine=DEVICE, progress=False, record_strain=COARSE, snapshots=10_000)
         found += instants_of(run, begun, test, seed)
@@ -180,7 +127,8 @@ def sort_of(first: Instant, second: Instant) -> str | None:
 
 def chosen_pairs(density: str, scale: Scale) -> dict[str, list[tuple[Instant, Instant]]]:
     """The pairs of a density in the order in which they are driven, by sort."""
-    generator, found = np.random.default_rng(1), {OTHER: [], SAME: []}
+    generator = np.random.default_rng(1)
+    found: dict[str, list[tuple[float, Instant, Instant]]] = {OTHER: [], SAME: []}
     for seed in SEEDS:
         for other in SEEDS:
             if seed == other:
@@ -194,7 +142,7 @@ def chosen_pairs(density: str, scale: Scale) -> dict[str, list[tuple[Instant, In
                     if allowed.any():
                         j = int(np.where(allowed, far, np.inf).argmin())
                         pairs.append((float(far[j]), first, seconds[j]))
-    chosen = {}
+    chosen: dict[str, list[tuple[Instant, Instant]]] = {}
     for sort, pairs in found.items():
         pairs.sort(key=lambda pair: pair[0])
         nearer = pairs[: round(NEARER * len(pairs))]
@@ -211,82 +159,7 @@ def chosen_pairs(density: str, scale: Scale) -> dict[str, list[tuple[Instant, In
     return chosen
 
 
-def strained(state: lk.State, increments: np.ndarray) -> lk.State:
-    """The State after increments of strain (n, 6)."""
-    for increment in increments:
-        state = lk.Element(state, engine=DEVICE, rate=RATE).strain(tensor(increment)).state
-    return state
-
-
-def shares(x: np.ndarray) -> np.ndarray:
-    """Increments of strain (n, 6) of parameters (6 n,), in which volumetric strain counts less by BULK."""
-    own = x.reshape(-1, 6)
-    off = deviatoric(own)
-    return off + BULK * (own - off)
-
-
-def driven(begin: lk.State, increments: np.ndarray, target: np.ndarray, scale: Scale) -> tuple[lk.State, float, float]:
-    """Gauss-Newton with Broyden's update towards a scaled state; (State, distance before, distance reached)."""
-
-    def reached(x: np.ndarray) -> tuple[lk.State, np.ndarray]:
-        found = strained(begin, increments + shares(x))
-        return found, scale.vector(values_of(found)) - target
-
-    x = np.zeros(increments.size)
-    state, off = reached(x)
-    before, damping, count = float(np.linalg.norm(off)), DAMPING, 1
-    if before < ENOUGH:
-        return state, before, before
-    slopes = np.stack([(reached(STEP * unit)[1] - off) / STEP for unit in np.eye(x.size)], axis=1)
-    count += x.size
-    while np.linalg.norm(off) >= ENOUGH and count < EVALUATIONS:
-        padded = np.concatenate([slopes, damping * np.eye(x.size)])
-        step = np.linalg.lstsq(padded, np.concatenate([-off, np.zeros(x.size)]), rcond=None)[0]
-        there, now = reached(x + step)
-        count += 1
-        slopes = slopes + np.outer(now - off - slopes @ step, step) / max(step @ step, 1e-12)
-        if np.linalg.norm(now) < np.linalg.norm(off):
-            state, x, off, damping = there, x + step, now, max(damping / 3.0, LEAST_DAMPING)
-        else:
-            damping *= 4.0
-    return state, before, float(np.linalg.norm(off))
-
-
-def probed(state: lk.State) -> dict[str, np.ndarray]:
-    """The six rates in the twelve directions at held mean stress, (12,) or (12, 6)."""
-    pressure = float(lk.mean_stress(lk.love_stress(state.snapshot())))
-    start, rows = values_of(state), []
-    for n in directions():
-        path = held_mean_stress(tensor(n), PROBE, pressure)
-        run = lk.run(state.at_rest(), path, engine=DEVICE, progress=False, record_strain=PROBE / 4.0, snapshots=0)
-        strain = to_six(strain_of_cells(run.data["cell"].values))[-1]
-        size, end = np.linalg.norm(deviatoric(strain)), values_of(run.state)
-        row = {f"d{name}": (end[name] - start[name]) / size for name in STATE[1:]}
-        rows.append(row | {"D": np.array([strain[:3].sum() / size])})
-    return {name: np.array([row[name] for row in rows]) for name in RATES}
-
-
-def sheared_on(state: lk.State) -> np.ndarray:
-    """Volumetric strain at 0, 0.5, 1 and 2 % of axial strain at held mean stress, (2, 4): compression, extension."""
-    pressure = float(lk.mean_stress(lk.love_stress(state.snapshot())))
-    found = []
-    for sign in (1.0, -1.0):
-        path = held_mean_stress(sign * tensor(directions()[0]), ON * np.sqrt(1.5), pressure)
-        interval = ON * np.sqrt(1.5) / 20.0
-        run = lk.run(state.at_rest(), path, engine=DEVICE, progress=False, record_strain=interval, snapshots=0)
-        strain = strain_of_cells(run.data["cell"].values)
-        volume = np.trace(strain, axis1=1, axis2=2)
-        found.append(np.interp([0.0, 0.005, 0.01, 0.02], np.abs(strain[:, 2, 2]), volume))
-    return np.array(found)
-
-
-def with_digits(values: np.ndarray) -> list[object]:
-    """Nested lists of numbers with DIGITS significant digits."""
-    made: list[object] = np.vectorize(lambda value: float(f"{value:.{DIGITS - 1}e}"))(values).tolist()
-    return made
-
-
-def member(state: lk.State, since: np.ndarray, scale: Scale) -> dict[str, object]:
+def member(state: lk.State, since: np.ndarray, scale: Scale) -> dict[str, Any]:
     """What is stored of a member: D, volume, the state and the candidates; and its rates, scaled, for `twin`."""
     rates = {name: values / scale.size[name] for name, values in probed(state).items()}
     hidden = candidates_of(state.snapshot(), state.scene, since)
@@ -294,12 +167,12 @@ def member(state: lk.State, since: np.ndarray, scale: Scale) -> dict[str, object
     return {"rates": rates, "on": sheared_on(state), "kept": kept}
 
 
-def twin(first: Instant, second: Instant, scale: Scale) -> dict[str, object]:
+def twin(first: Instant, second: Instant, scale: Scale) -> dict[str, Any]:
     """Drive the second member of a pair to the state of the first and, if they are near, probe both."""
     fixed = strained(first.state, 1e-5 * np.eye(6)[5:])  # as much at rest as the other
     target = scale.vector(values_of(fixed))
     state, before, distance = driven(second.begin, second.increments, target, scale)
-    row: dict[str, object] = {"before": round(before, 4), "distance": round(distance, 4)}
+    row: dict[str, Any] = {"before": round(before, 4), "distance": round(distance, 4)}
     if distance >= 2.0 * ENOUGH:
         return row
     a, b = (member(each, one.since, scale) for each, one in ((fixed, first), (state, second)))
@@ -332,15 +205,22 @@ def make_pairs(records: Path, file: Path) -> Iterator[str]:
             yield from _made(key, pair, scales[key[0]], done, file, count)
 
 
-def _made(key, pair, scale, done, file, count) -> Iterator[str]:
+def _made(
+    key: tuple[str, str],
+    pair: tuple[Instant, Instant],
+    scale: Scale,
+    done: set[str],
+    file: Path,
+    count: dict[tuple[str, str], int],
+) -> Iterator[str]:
     names = [f"{one.test} s{one.seed} r{one.section} e {float(one.values['e'][0]):.5f}" for one in pair]
     name = f"{key[0]} {key[1]}: {names[0]}, {names[1]}"
     if name in done:
         return
-    labels = {"name": name, "density": key[0], "sort": key[1]}
+    labels: dict[str, Any] = {"name": name, "density": key[0], "sort": key[1]}
     labels |= {f"{label}s": [getattr(one, label) for one in pair] for label in ("test", "seed", "section")}
     try:
-        found = twin(*pair, scale)
+        found = twin(pair[0], pair[1], scale)
     except (PhysicsError, InputError) as error:
         found = {"failed": str(error)}
     count[key] = count.get(key, 0) + (found.get("distance", 1.0) < ENOUGH)

@@ -5,7 +5,7 @@ import pandas
 import pytest
 
 import labkit as lk
-from analysis.hidden_state import contest, cycles, equal, law, loading, table, twins
+from analysis.hidden_state import contest, cycles, driving, equal, law, loading, table, twins
 from analysis.hidden_state.nearest import compared, differences, pairs_of, ranking
 from analysis.hidden_state.records import Records, kept, records_of, sections_of, strain_of_cells
 from analysis.hidden_state.table import CANDIDATES, RATES, STATE, rounded, tensor
@@ -56,7 +56,7 @@ def test_records_agree_with_the_run_and_survive_their_file(run, tmp_path):
 
 def test_a_snapshot_becomes_a_state_with_the_same_stress(run, specimen):
     snapshot = run.snapshots[-1]
-    state = twins.state_of_snapshot(snapshot, specimen)
+    state = driving.state_of_snapshot(snapshot, specimen)
     np.testing.assert_allclose(
         lk.love_stress(state.snapshot()),
         lk.love_stress(snapshot),
@@ -116,24 +116,24 @@ def test_stiffness_is_fitted_to_the_training_seeds_alone():
 
 
 def test_twelve_directions_are_deviatoric_units():
-    n = twins.directions()
+    n = driving.directions()
     assert n.shape == (12, 6)
     np.testing.assert_allclose(n[:, :3].sum(axis=1), 0.0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0)
 
 
 def test_a_member_is_driven_towards_a_state(specimen, monkeypatch):
-    monkeypatch.setattr(twins, "EVALUATIONS", 24)
-    monkeypatch.setattr(twins, "ENOUGH", 1e-3)
+    monkeypatch.setattr(driving, "EVALUATIONS", 24)
+    monkeypatch.setattr(driving, "ENOUGH", 1e-3)
 
-    class Fixed(twins.Scale):
+    class Fixed(driving.Scale):
         def __init__(self):
             self.size = {"e": 1e-3, "Z": 1.0, "Lambda": 1e-4, "A": 1.0, "F": 0.5, "Ft": 0.05}
 
     shear = 1e-3 * np.array([[-0.5, -0.5, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.5, 0.0], [0.0] * 6])
-    target = Fixed().vector(twins.values_of(twins.strained(specimen, shear)))
+    target = Fixed().vector(driving.values_of(driving.strained(specimen, shear)))
     begin = 0.8 * shear + 1e-5
-    _, before, distance = twins.driven(specimen, begin, target, Fixed())
+    _, before, distance = driving.driven(specimen, begin, target, Fixed())
     assert distance < 0.5 * before
 
 
