@@ -1,6 +1,6 @@
 """Tables, figure and page of analysis.sand.with_fabric: `python -m analysis.sand.with_fabric_table [FOLDER]`.
 
-FOLDER is that of the samples, which are copied to results/sand; without it the stored copies are used.
+FOLDER is that of the samples, which are copied to results/sand; without it the page is written from the stored tables.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -185,33 +186,46 @@ def draw(table: pandas.DataFrame, file: Path) -> None:
     save(figure, file, [*FILES.values()], "python -m analysis.sand.with_fabric_table", dpi=80)
 
 
+def tables_of(samples: Sequence[Sample], draws: Sequence[dict]) -> dict[str, pandas.DataFrame]:
+    """Compute the tables, name -> table; those of the predictions only from enough draws."""
+    tested = [sample for sample in samples if sample.points is not None]
+    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
+    if len(draws) >= LEAST_DRAWS:
+        misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
+        tables["predictions"] = predictions(draws, misfit)
+        tables["score"] = scores(tables["predictions"])
+    return tables
+
+
 def main() -> None:
-    """Write tables, figure and page; the predictions only if there are enough draws."""
+    """Compute the tables if there is a folder; write the figure and the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored copies)")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored tables)")
     folder = parser.parse_args().folder
+    warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
     if folder is not None:
         for file in FILES.values():
             if (folder / file.name).exists():
                 shutil.copyfile(folder / file.name, file)
     samples, draws = read_samples(fabric_tests(), FILES["samples"]), lines_of(FILES["draws"])
-    misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
-    tested = [sample for sample in samples if sample.points is not None]
-    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
-    if len(draws) >= LEAST_DRAWS:
-        tables["predictions"] = predictions(draws, misfit)
-        tables["score"] = scores(tables["predictions"])
-        draw(tables["predictions"], RESULTS / "with_fabric.png")
-    for name, table in tables.items():
-        table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
-        print(table.to_string(float_format="%.3g"))
+    if folder is not None:
+        for name, table in tables_of(samples, draws).items():
+            table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
+    found = {
+        file.stem.removeprefix("with_fabric_"): pandas.read_csv(file) for file in RESULTS.glob("with_fabric_*.csv")
+    }
+    if "predictions" in found:
+        draw(found["predictions"], RESULTS / "with_fabric.png")
+    quantiles = found["posteriors"].set_index(["training", "parameter"])
     values = {
+        "modulus": lambda training, name: f"{10.0 ** (quantiles.loc[(training, 'log10 of E'), name] - 9.0):.2g}",  # GPa
         "samples": len(samples),
-        "failed": len(samples) - len(tested),
+        "failed": sum(sample.points is None for sample in samples),
         "draws": len(draws),
-        "misfit": misfit,
-        "enough": len(draws) >= LEAST_DRAWS,
-        **tables,
+        "misfit": quantiles.loc[("drained and compression", "misfit"), "50 %"],
+        "enough": "predictions" in found,
+        # a | would divide the cells of a table
+        **{name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True) for name, table in found.items()},
     }
     page = render(Path(__file__).with_name("with_fabric_page.md"), values)
     (RESULTS / "with_fabric.md").write_text(page, encoding="utf-8")
