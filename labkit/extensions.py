@@ -13,6 +13,7 @@ loaded if it has an entry point in the group `labkit.extensions` that names its 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import inspect
@@ -22,7 +23,7 @@ import traceback
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Generic, TypeVar, cast
+from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from labkit.errors import InputError, Interrupted, instead_of, require_file_name
 from labkit.once import LOCK, once
@@ -45,9 +46,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         meant: Common words that are no names -> the names to suggest instead.
     """
 
+    every: ClassVar[list[Registry[Any]]] = []
+
     def __init__(self, kind: str, builtin: dict[str, str], meant: Mapping[str, str] | None = None) -> None:
         """Start with the built-in entries only."""
         self.kind, self._entries, self._meant = kind, dict[str, Entry | str](builtin), meant or {}
+        self.every.append(self)
 
     def register(self, entry: Registered) -> Registered:
         """Register an entry under its `name` and return it; usable as a decorator.
@@ -145,8 +149,8 @@ def use(file: str | os.PathLike[str]) -> None:
     require_file_name(file, "labkit.use('mine.py')")
     path = Path(os.path.realpath(file))  # Path.resolve raises an error for a loop of links
     if not path.is_file():
-        allowed = "a Python file that registers extensions"
-        raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
+        problem = "is not a file" if path.exists() else "does not exist"
+        raise InputError(problem, field="use", value=str(file), allowed="a Python file that registers extensions")
     if os.pathsep in str(path):
         problem = f"has {os.pathsep!r} in its path, which separates the files of {VARIABLE}"
         raise InputError(problem, field="use", value=str(path), allowed="the file in another folder")
@@ -173,10 +177,23 @@ def load_extensions() -> None:
 
     for point in entry_points(group=GROUP):
         try:
-            point.load()
+            with _all_or_nothing():
+                point.load()
         except Exception as error:
             problem = f"the installed extension {point.value} cannot be loaded ({type(error).__name__}: {error})"
             raise InputError(f"{problem}: repair or uninstall it") from error
+
+
+@contextlib.contextmanager
+def _all_or_nothing() -> Iterator[None]:
+    """Context that takes back what was registered in it if it ends with an error."""
+    before = [(registry, dict(registry._entries)) for registry in Registry.every]
+    try:
+        yield
+    except BaseException:
+        for registry, entries in before:
+            registry._entries = entries
+        raise
 
 
 def _load(file: str) -> None:
@@ -195,7 +212,8 @@ def _load(file: str) -> None:
     sys.modules[name] = types.ModuleType(name)
     sys.modules[name].__file__ = file
     try:
-        exec(compile(source, file, "exec"), vars(sys.modules[name]))  # no .pyc file is read or written
+        with _all_or_nothing():
+            exec(compile(source, file, "exec"), vars(sys.modules[name]))  # no .pyc file is read or written
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, InputError):
@@ -219,6 +237,12 @@ def blame(error: BaseException, files: Sequence[str] = ()) -> str | None:
             line = f"{Path(frame.filename).name} line {frame.lineno}"
     text = (str(error).strip() or type(error).__name__).splitlines()[0]
     return None if line is None else f"{line}: {type(error).__name__}: {text}"
+
+
+def require_subclass(kind: object, base: type) -> None:
+    """Raise InputError if a user registers something else than a subclass of `base`."""
+    if not (isinstance(kind, type) and issubclass(kind, base) and kind is not base):
+        raise InputError(f"{_label(kind)} is not a subclass of labkit.{base.__name__}: register one")
 
 
 def _label(entry: object) -> str:

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import labkit as lk
+from labkit.engines import followers
 from labkit.engines.fused import FusedEngine
 from labkit.engines.host import build
 from labkit.engines.kernel import host
@@ -272,7 +273,7 @@ def test_one_grain_far_too_large_for_the_others_is_refused_at_once():
     radius = np.full(100_000, 1e-5)
     radius[0] = 1e-2
     position = np.random.default_rng(1).random((len(radius), 3)) * 2.5e-2
-    with pytest.raises(lk.PhysicsError, match="or the largest grain too large for the others"):
+    with pytest.raises(lk.PhysicsError, match="the largest grain too large for the others"):
         FusedEngine(grains_in_cell(lk.Scene(), radius, position, np.eye(3) * 2.5e-2))
 
 
@@ -454,3 +455,12 @@ def test_a_library_with_other_structs_is_refused(struct, monkeypatch):
     monkeypatch.setitem(COMPILED, "compiled_loop", offsets(struct))
     with pytest.raises(InputError, match="compiled_loop"):
         host.require_layout(host.library())
+
+
+def test_a_quote_without_its_partner_in_the_environment_is_said(monkeypatch):
+    monkeypatch.setenv("CXX", 'g++ "-O2')
+    with pytest.raises(build.CannotCompile, match=r"CXX=.* has a quote without its partner"):
+        build.compiler()
+    monkeypatch.setenv(followers.LAUNCHER, "srun 'x")
+    with pytest.raises(InputError, match=rf"{followers.LAUNCHER}=.* has a quote without its partner"):
+        followers.launcher()
