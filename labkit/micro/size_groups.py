@@ -99,10 +99,9 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
     Raises:
         InputError: If `group` does not have such an index for each grain.
     """
-    groups, grains = GROUPS.read(groups), len(snapshot.radius)
-    group = np.asarray(group)
-    if not (group.shape == (grains,) and group.dtype.kind in "iu" and np.isin(group, range(groups)).all()):
-        allowed = f"a whole number from 0 to {groups - 1} for each of the {grains} grains"
+    groups, group = GROUPS.read(groups), np.asarray(group)
+    if not (group.shape == snapshot.radius.shape and group.dtype.kind in "iu" and np.isin(group, range(groups)).all()):
+        allowed = f"a whole number from 0 to {groups - 1} for each of the {len(snapshot.radius)} grains"
         raise InputError("is not the group of each grain", field="group", allowed=allowed)
     contacts, radius, volume = snapshot.contacts, snapshot.radius, snapshot.volume
     lf = contact_dyads(snapshot).reshape(-1, 2, 9)
