@@ -9,7 +9,7 @@ DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS)]
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # for `!labkit` in notebooks
 
-from site_pages import docstrings, links, mathml, navigation, reference, repository  # noqa: E402
+from site_pages import docstrings, laboratory, links, mathml, navigation, reference, repository  # noqa: E402
 
 import labkit  # noqa: E402
 
@@ -87,4 +87,5 @@ def setup(app):
     docstrings.setup(app)
     repository.setup(app)
     navigation.setup(app)
+    laboratory.setup(app)
     links.setup(app)

@@ -20,9 +20,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+import labkit
 from labkit.files import provenance
 from labkit.files.caches import cache_folder
 from tests.forked import Forks
+from tests.pyodide import folder_of_pyodide
 
 # The same examples in every run, so that a failure is due to a change, and no limits of time, so that it is not due to
 # a busy computer. `./lab test --hypothesis-profile search` looks for new examples.
@@ -178,6 +180,26 @@ def made_once(tmp_path_factory):
         return Path(shutil.copy(shared / name, own))
 
     return copy
+
+
+@pytest.fixture(scope="session")
+def pyodide():
+    """Folder of Pyodide and its NumPy."""
+    return folder_of_pyodide()[0]
+
+
+@pytest.fixture(scope="session")
+def browser_wheel(made_once):
+    """The wheel of labkit for browsers, with all contact laws."""
+    from labkit.plugins.page.site import wheel_for_browsers
+
+    programs = str(folder_of_pyodide()[1])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(programs)
+        patch.setenv("PYTHONPATH", programs)
+        return made_once(
+            f"labkit-{labkit.__version__}-py3-none-any.whl", lambda file: shutil.copyfile(wheel_for_browsers(), file)
+        )
 
 
 @pytest.fixture(scope="session")

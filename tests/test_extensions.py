@@ -7,6 +7,7 @@ import importlib.util
 import json
 import os
 import py_compile
+import signal
 import subprocess
 import sys
 import textwrap
@@ -20,6 +21,7 @@ import labkit as lk
 from labkit.errors import Interrupted
 from labkit.grains.state_file import read_state
 from tests.conftest import PATIENCE
+from tests.killed import signalled
 
 pytestmark = pytest.mark.slow
 
@@ -176,15 +178,6 @@ def test_a_run_of_a_user_defined_path_is_readable_without_its_file(folder, labki
     assert done.returncode == 2 and "path oedo " in done.stderr
 
 
-def test_a_renamed_law_gives_identical_results(folder, labkit_command):
-    for law, name in (("tired", "a"), ("rolling_resistance", "b")):
-        words = ["run", "cv", "s.state.nc", *RUN, "--law", law, "--engine", "fused", "-o", f"{name}.run.nc"]
-        done = labkit_command(*words, "--use", "mine.py", cwd=folder)
-        assert done.returncode == 0, done.stderr
-    with netCDF4.Dataset(folder / "a.run.nc") as a, netCDF4.Dataset(folder / "b.run.nc") as b:
-        np.testing.assert_array_equal(a["stress"][:], b["stress"][:])
-
-
 def test_a_missing_extension_is_reported(folder, labkit_command):
     words = ["run", "oedo", "s.state.nc", *RUN, "--law", "tired", "--engine", "fused", "-o", "r.run.nc"]
     assert labkit_command(*words, "--use", "mine.py", cwd=folder).returncode == 0
@@ -244,7 +237,7 @@ BROKEN = {
     "syntax": ("def f(:\n", "cannot be loaded (SyntaxError: "),
     "import": ("import nothing_of_that_name\n", "(bad.py line 1: ModuleNotFoundError: "),
     "exit": ("raise SystemExit(3)\n", "(bad.py line 1: SystemExit: 3)"),
-    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "name cv "),
+    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "is refused: name cv "),
     "name of a law": (MINE.replace('"tired"', '"rolling_resistance"'), "rolling_resistance "),
     "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is already the"),
     "name of a quantity": (MINE.replace('"largest_force", long', '"r_u", long'), "name r_u is already the name of a"),
@@ -252,19 +245,6 @@ BROKEN = {
     "name of an engine": (ENGINE.replace('"slow"', '"fused"'), "fused "),
     "dimensions": (MINE.replace('("i", "j")', '("i", "grain")'), "dimensions i,grain are not dimensions of a record"),
 }
-
-
-@pytest.mark.parametrize("name", BROKEN)
-def test_a_file_that_cannot_be_used_is_refused_in_one_line(name, folder, labkit_command):
-    text, said = BROKEN[name]
-    if text is not None:
-        (folder / "bad.py").write_text(text)
-    before = {file for file in folder.rglob("*") if "__pycache__" not in file.parts}
-    words = ["run", "cv", "s.state.nc", "--engine", "fused", "-o", "new.run.nc", "--use", "bad.py"]
-    done = labkit_command(*words, cwd=folder)
-    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
-    assert said in done.stderr and "--use " in done.stderr and "bad.py" in done.stderr
-    assert {file for file in folder.rglob("*") if "__pycache__" not in file.parts} == before
 
 
 def test_two_files_with_the_same_name_conflict_and_a_file_may_be_loaded_twice(folder, labkit_command):
@@ -292,24 +272,11 @@ def test_a_statistic_that_returns_another_shape_is_refused(folder, labkit_comman
     assert [file for file in sorted(folder.iterdir()) if file.name != "__pycache__"] == before
 
 
-def test_a_run_resumes_only_with_the_same_statistics(folder, python, labkit_command):
-    words = ["run", "oedo", "s.state.nc", *RUN, "--save-every", 1, "--engine", "fused", "-o", "r.run.nc"]
-    program = """
-        import json, os
-        from labkit.cli import main
-        from labkit.records import recorder
-        write = recorder.Recorder._append_to_file
-
-        def die(self, *arguments):
-            write(self, *arguments)
-            if self.records == 4:
-                print(json.dumps(4), flush=True)
-                os._exit(0)
-
-        recorder.Recorder._append_to_file = die
-        main(json.loads(os.environ["WORDS"]))
-        """
-    assert python(program, WORDS=json.dumps([*map(str, words), "--use", "mine.py"])) == 4
+def test_a_run_resumes_only_with_the_same_statistics(folder, labkit_command):
+    words = ["run", "oedo", folder / "s.state.nc", *RUN, "--save-every", 1, "--engine", "fused"]
+    words += ["-o", folder / "r.run.nc"]
+    done = signalled(signal.SIGKILL, "save", 4, *words, "--use", folder / "mine.py")
+    assert done.returncode == -signal.SIGKILL
     with netCDF4.Dataset(folder / "r.run.nc") as run:
         begun = run["stress"][:]
         assert run.complete == 0 and len(begun) == 4
@@ -348,45 +315,6 @@ def test_a_file_from_python(engine, python):
     )
     assert found[:2] == [True, "oedo"] and found[2] > 0.0 and found[4:] == [1, engine]
     assert [name for name in found[3] if "norm" not in name] == []  # 150 grains are too few
-
-
-@pytest.mark.yade
-def test_a_program_that_registers_its_own_path_runs_on_yade(python):
-    found = python(
-        MINE
-        + textwrap.dedent("""
-
-        if __name__ == "__main__":
-            import json
-
-            state, path = lk.read_state("s.state.nc"), Oedometer(strain=0.004, rate=40)
-            run = lk.run(state, path, engine="yade", snapshots=0, progress=False)
-            print(json.dumps([run.complete, run.path == path, float(run.data["largest_force"][0])]))
-        """)
-    )
-    assert found[:2] == [True, True] and found[2] > 0.0
-
-
-@pytest.mark.yade
-def test_a_path_without_a_file_runs_on_yade(python):
-    """A class that is defined without a file, as in a notebook."""
-    found = python(
-        """
-        import dataclasses, json
-        import labkit as lk
-
-        @lk.register_path
-        @dataclasses.dataclass(frozen=True)
-        class Here(lk.Path):
-            name = "here"
-
-        state = lk.read_state("s.state.nc")
-        run = lk.run(state, Here(strain=0.004, rate=40), engine="yade", snapshots=0, progress=False)
-        print(json.dumps([run.complete, run.path.name]))
-        """,
-        file=None,
-    )
-    assert found == [True, "here"]
 
 
 def test_a_file_that_cannot_be_loaded_is_not_passed_to_child_processes(folder, python):
@@ -522,16 +450,17 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_an_error_in_a_user_file_is_reported_in_one_line(name, folder, labkit_command):
-    text, said = MISTAKES[name]
-    (folder / "bad.py").write_text(text)
+@pytest.mark.parametrize(("name", "file"), [*BROKEN.items(), *MISTAKES.items()], ids=[*BROKEN, *MISTAKES])
+def test_an_error_in_a_user_file_is_reported_in_one_line(name, file, folder, labkit_command):
+    text, said = file
+    if text is not None:
+        (folder / "bad.py").write_text(text)
     before = {file for file in folder.rglob("*") if "__pycache__" not in file.parts}
-    what = ["cv", "s.state.nc", "--law"] if name.startswith("law") else ["mine", "s.state.nc", "--pressure"]
-    what.append("mine" if name.startswith("law") else "1MPa")
+    what = ["mine", "s.state.nc", "--pressure", "1MPa"] if name.startswith("path") else ["cv", "s.state.nc"]
+    what += ["--law", "mine"] if name.startswith("law") else []
     done = labkit_command("run", *what, *RUN, "--engine", "fused", "--use", "bad.py", "-o", "new.run.nc", cwd=folder)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
-    assert said in done.stderr
+    assert said in done.stderr and (name in MISTAKES or ("--use " in done.stderr and "bad.py" in done.stderr))
     assert {file for file in folder.rglob("*") if "__pycache__" not in file.parts} == before
 
 

@@ -49,7 +49,7 @@ TOX = {
     "test --fast": " -- -m not slow -n 2 --dist loadfile",
     "docs": " -e docs",
 }
-PROGRAMS = "chromium clang++ g++ gcc gfortran liggghts sbatch yade"  # otherwise they would be installed
+PROGRAMS = "chromium clang++ g++ gcc gfortran liggghts npm sbatch yade"  # otherwise they would be installed
 
 
 @pytest.mark.parametrize("words", TOX)

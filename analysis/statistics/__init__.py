@@ -152,11 +152,6 @@ def two_samples(
     return Tested.of(value, t_interval(test) / student(1.0, test.df), test.df, sum(n))
 
 
-def difference_of_means(first: pandas.Series, second: pandas.Series) -> Tested:
-    """Mean of `second` minus mean of `first`, two independent samples (Welch)."""
-    return two_samples(lambda table: float(table.iloc[:, 0].mean()), first.to_frame(), second.to_frame())
-
-
 def _deviations(statistic: Callable[[np.ndarray], float], n: int, clusters: Sequence[str] | None) -> np.ndarray:
     """Pseudo-values of the jackknife (specimens,) up to a constant; for a mean, the deviations of the specimens."""
     codes = np.arange(n) if clusters is None else pandas.factorize(np.asarray(clusters))[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Iterable
@@ -53,7 +54,7 @@ def require_writable(
 def stem(file: str | os.PathLike[str]) -> str:
     """Return the name of a state, run or probes file without folder and extension, or what is left of it."""
     name = Path(file).name
-    return name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc") or name
+    return re.sub(r"\.(run|state|probes)\.(nc|npz)$", "", name) or name
 
 
 def require_different(*outputs: str | None) -> list[str]:

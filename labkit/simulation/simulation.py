@@ -26,15 +26,15 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here
 from labkit.process.interruption import Signals, stop_on_signals
 from labkit.quantities.conditions import condition
+from labkit.records.checkpoint import CODE_OF_LAW
 from labkit.records.energy import open_ledger
-from labkit.records.identity import CODE_OF_LAW
 from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
 from labkit.results.endings import unfinished_error
 from labkit.servo.reach import ERROR, errors, require_way
+from labkit.simulation.clock import ACCUMULATED
 from labkit.simulation.grains import Grains
-from labkit.simulation.pace import ACCUMULATED
 from labkit.simulation.stopping import contents
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.ready import ready

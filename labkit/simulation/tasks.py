@@ -18,6 +18,7 @@ from labkit.engines.base import Engine, Progress, Request, silent
 from labkit.engines.device import Device
 from labkit.errors import InputError, require_type
 from labkit.extensions import files_in_use
+from labkit.files import arrays
 from labkit.files.provenance import provenance_json
 from labkit.files.writable import require_writable
 from labkit.grains.scene import Scene
@@ -33,7 +34,7 @@ from labkit.process.interruption import only_writer
 from labkit.records.limits import exceeded_by, rate_warning, require_pressure, size_warning, width_warning
 from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
-from labkit.simulation.pace import require_one_rate
+from labkit.simulation.clock import require_one_rate
 from labkit.simulation.simulation import default_pressure, lost_deviator, simulation
 from labkit.specimens import bisection, compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of
@@ -214,6 +215,8 @@ class RunTask(StateTask[None]):
     def __post_init__(self) -> None:
         """Resolve the rate and the pressure of the path for the specimen, and check that they fit."""
         super().__post_init__()
+        if self.output is not None and self.output.endswith(arrays.ENDING):
+            raise InputError(f"{self.output}: is no name for a run that is saved in steps: give one such as r.run.nc")
         require_type(self.path, Path, "path", "labkit.paths.ConstantVolume()")
         require_one_rate(self.path, self.options)
         path = self.path.starting_at(default_pressure(self.path, self.state))

@@ -25,6 +25,7 @@ from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
 
 pytestmark = pytest.mark.slow
+STATISTICS = ("stress", "strain", "e", "Z", "Lambda", "A", "F", "Ft")
 FLAT = Model().reading(beyond_e_cmax="flat")
 
 
@@ -32,6 +33,18 @@ FLAT = Model().reading(beyond_e_cmax="flat")
 def data():
     with xr.open_dataset(f"{results_folder('model_benchmark')}/tests.nc") as opened:
         return opened.load()
+
+
+@pytest.fixture(scope="module")
+def better():
+    return Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
+
+
+def replace_statistics(test, contestant):
+    """Put what a law predicts into a data set of one test."""
+    made = predicted(contestant, test.isel(run=0), "stress")
+    for key in STATISTICS:
+        test[key] = (test[key].dims, made[key][None])
 
 
 @pytest.mark.parametrize("run", ["compression-s1", "shear-s1", "triaxial_b05-s1"])
@@ -42,7 +55,7 @@ def test_a_law_has_no_error_on_the_test_that_it_would_make_itself(data, run):
     made = predicted(contestant, test, "stress")
     points = slice(0, 40)
     own = test.isel(point=points).copy()
-    for key in ("stress", "strain", "e", "Z", "Lambda", "A", "F", "Ft"):
+    for key in STATISTICS:
         own[key] = (test[key].dims, made[key][points])
     again = errors_of(own, predicted(contestant, own, "strain"))
     assert again["reached"] == 1.0 and again["stress"] < 1.0 and again["A"] < 1.0
@@ -51,10 +64,7 @@ def test_a_law_has_no_error_on_the_test_that_it_would_make_itself(data, run):
 
 def test_the_dilatancy_of_a_law_is_that_of_the_test_that_it_would_make_itself(data):
     test = data.sel(run=["cp-medium_500-s31"]).astype("f8")
-    own = test.isel(run=0)
-    made = predicted(Contestant("paper", FLAT), own, "stress")
-    for key in ("stress", "strain", "e", "Z", "Lambda", "A", "F", "Ft"):
-        test[key] = (test[key].dims, made[key][None])
+    replace_statistics(test, Contestant("paper", FLAT))
     table = dilatancy(test, {"paper": FLAT})
     sheared = table[table["strain"] > 0.05]
     np.testing.assert_allclose(sheared["paper"], sheared["grains"], atol=0.02)
@@ -135,36 +145,31 @@ def test_the_measured_attractors_lower_the_strength_in_extension():
     assert ratios[1][1] / ratios[1][0] == pytest.approx(0.817, abs=0.002)
 
 
-def test_a_law_has_no_misfit_where_its_own_statistics_are_given(data):
+def test_a_law_has_no_misfit_where_its_own_statistics_are_given(data, better):
     """The path is driven by the law; then e, Z and Lambda are given, and A, F and F^t follow alone."""
-    model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
     own = data.sel(run=["compression-s1"]).astype("f8")
-    made = predicted(Contestant("better", model), own.isel(run=0), "stress")
-    for key in ("stress", "strain", "e", "Z", "Lambda", "A", "F", "Ft"):
-        own[key] = (own[key].dims, made[key][None])
-    table = rate_errors({"itself": model, "paper": FLAT}, own).set_index("model")
+    replace_statistics(own, Contestant("better", better))
+    table = rate_errors({"itself": better, "paper": FLAT}, own).set_index("model")
     assert (table.loc["itself", ["A", "F", "Ft"]].astype(float) < 0.5).all()
     assert (table.loc["paper", ["A", "F", "Ft"]].astype(float) > 2.0).all()
 
 
-def test_the_constants_of_density_are_those_of_the_ends_of_the_training_part(data):
-    model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
+def test_the_constants_of_density_are_those_of_the_ends_of_the_training_part(data, better):
     training = data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
-    values = of_density(axial_ends(training), model)
-    assert dataclasses.asdict(model.density) | {"A_Z": values["A_Z"], "Ft_Z": values["Ft_Z"]} == pytest.approx(
-        dataclasses.asdict(model.density)
+    values = of_density(axial_ends(training), better)
+    assert dataclasses.asdict(better.density) | {"A_Z": values["A_Z"], "Ft_Z": values["Ft_Z"]} == pytest.approx(
+        dataclasses.asdict(better.density)
     )
     planted = pandas.DataFrame({"e": [0.60, 0.65, 0.70]})
-    Z_c = critical_coordination_number(planted["e"].to_numpy(), model.parameters) - 4.0
+    Z_c = critical_coordination_number(planted["e"].to_numpy(), better.parameters) - 4.0
     planted = planted.assign(A=0.7 - 0.14 * Z_c, Ft=0.04 + 0.01 * Z_c)
-    assert of_density(planted, model) == pytest.approx({"A_c": 0.7, "A_Z": -0.2, "Ft_c": 0.04, "Ft_Z": 0.25})
-    assert changed(model, {"A_Z": -0.1, "A_c": 0.6}).density.A_Z == -0.1
+    assert of_density(planted, better) == pytest.approx({"A_c": 0.7, "A_Z": -0.2, "Ft_c": 0.04, "Ft_Z": 0.25})
+    assert changed(better, {"A_Z": -0.1, "A_c": 0.6}).density.A_Z == -0.1
 
 
-def test_replaced_statistics_lower_the_error(data):
+def test_replaced_statistics_lower_the_error(data, better):
     """With all statistics taken from the grains, only the error of C0 remains."""
-    model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
-    table = replacements(Contestant("better", model), data.sel(run=["extension-s1", "extension-s4"]))
+    table = replacements(Contestant("better", better), data.sel(run=["extension-s1", "extension-s4"]))
     assert table["tests"].tolist() == [1] and table["all"][0] < 4.0 < table["model"][0]
 
 

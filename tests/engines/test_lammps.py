@@ -16,6 +16,7 @@ from labkit.errors import InputError
 from labkit.grains.laws import LAWS
 from labkit.records.energy import balance_error, open_ledger
 from tests.conftest import ROOT
+from tests.stopped import run_stopped
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]
 
@@ -118,17 +119,8 @@ def test_a_user_law_and_large_grains_among_small_ones(labkit_command, tmp_path):
 @needs_lammps
 def test_a_run_that_was_stopped_holds_its_stress_and_passes_verification(specimen, cores, tmp_path):
     file, path = tmp_path / "r.run.nc", lk.paths.ConstantMeanStress(pressure=200e3, strain=0.002, rate=10.0)
-
-    class Enough(Exception):
-        pass
-
-    def stop(fraction, text):
-        if fraction > 0.4:
-            raise Enough
-
     options = {"engine": lk.Lammps(ranks=2), "file": file, "record_strain": 2e-4, "snapshots": 2}
-    with pytest.raises(Enough):
-        lk.run(specimen, path, progress=stop, **options)
+    run_stopped(0.4, specimen, path, **options)
     run = lk.run(specimen, path, progress=False, **options)
     assert run.complete and run.engine == "lammps" and run.data.sizes["time"] == 11
     for finding in lk.verify(run):

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from benchmarks.kernel import copies
 from labkit.engines import Device
-from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.translate import to_single
 from labkit.errors import InputError
@@ -17,9 +15,8 @@ from labkit.files.schema import STATE
 from labkit.grains.laws.vectors import inverse_root_single
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
-from labkit.grains.state_file import read_state, write_state
+from labkit.grains.state_file import write_state
 from labkit.plugins.campaigns.file import read_campaign
-from labkit.records.energy import open_ledger
 from labkit.servo.plan import prescribed_gradient
 
 R = 85e-6
@@ -72,30 +69,6 @@ def test_small_overlaps_far_from_the_origin_are_accurate():
     expected = force * 2.0 * R * np.outer(direction, direction) / np.linalg.det(state.cell)
     stress = FusedEngine(state, precision="mixed").stress()
     assert np.abs(stress - expected).max() < 1e-5 * np.abs(expected).max()
-
-
-def test_the_results_are_bit_identical_for_any_number_of_threads(soft_specimen):
-    state = copies(soft_specimen, (4, 3, 3))
-    results = []
-    for threads in (1, 2):
-        engine = FusedEngine(state, threads, precision="mixed")
-        engine.advance(100, gradient(state))
-        results.append(engine.state())
-    assert len(engine.packing.arrays.contact_first) > 1
-    assert identical(*results)
-
-
-def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(soft_specimen, tmp_path):
-    engine = FusedEngine(open_ledger(soft_specimen), precision="mixed")
-    engine.advance(700, gradient(soft_specimen))
-    write_state(tmp_path / "half.state.nc", reload(engine))
-    half = read_state(tmp_path / "half.state.nc")
-    assert half.precision == "mixed"
-    resumed = FusedEngine(half, precision="mixed")
-    for either in (engine, resumed):
-        either.advance(1300, gradient(soft_specimen))
-    assert identical(engine.state(), resumed.state())
-    assert Device("fused")(half).state().precision == "double"
 
 
 def test_files_record_any_precision_but_double(runs, soft_specimen, tmp_path):

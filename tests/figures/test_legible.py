@@ -23,6 +23,7 @@ from labkit.plugins.pictures.picture import draw_grains
 from labkit.plugins.probes import probe_model
 from labkit.results.critical import critical_states
 from labkit.results.figures import FIGURES
+from tests.plugins.laboratory_data.columns import of_columns
 
 pytestmark = pytest.mark.slow
 CONTRAST = 2.5  # of a line against white (WCAG 2.1); tab:orange, the palest of matplotlib's usual colours, has 2.53
@@ -37,8 +38,7 @@ def measured(tmp_path_factory):
     file = tmp_path_factory.mktemp("measured") / "m.csv"
     rows = [f"{0.01 * k},{0.002 * np.sin(0.3 * k) - 5e-4 * k},{100.0 + 20.0 * k**0.5},100" for k in range(12)]
     file.write_text("\n".join(["e,ev,s1,s3", *rows]) + "\n")
-    columns = {name: (of, "1", "compression") for name, of in (("axial_strain", "e"), ("volumetric_strain", "ev"))}
-    columns |= {name: (of, "kPa", "compression") for name, of in (("axial_stress", "s1"), ("radial_stress", "s3"))}
+    columns = of_columns(e1="e:1", ev="ev:1", s1="s1:kPa", s3="s3:kPa")
     kinds = {"strain_kind": "logarithmic", "stress_kind": "effective", "source": "-", "licence": "-"}
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.1)
     return lk.read_measured(file, path, columns, void_ratio=0.75, **kinds).data

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas
 import pytest
-import xarray as xr
 
 import labkit
 from labkit.cli import main
@@ -25,16 +24,6 @@ OF_RUNS = [name for name in FIGURES if FIGURES[name].needs != "probes"]
 @pytest.fixture(scope="module")
 def run(run_file):
     return labkit.open_run(run_file)
-
-
-@pytest.mark.parametrize(
-    "figure", [name for name in OF_RUNS if name not in ("cycles", "liquefaction")]
-)  # of a monotonic test
-def test_figure_and_table(figure, run_file, tmp_path):
-    picture, table = tmp_path / "f.png", tmp_path / "f.csv"
-    more = ["--variable", "void_ratio"] if figure == "records" else []
-    assert main(["figure", figure, str(run_file), *more, "-o", str(picture), "--csv", str(table)]) == 0
-    assert picture.read_bytes()[:4] == b"\x89PNG" and len(pandas.read_csv(table)) > 1
 
 
 def test_a_figure_takes_only_its_options(run):
@@ -78,20 +67,6 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
     last = run[variable].values[-1]
     last = last[np.triu_indices(3)] if last.ndim == 2 else np.ravel(last)
     np.testing.assert_allclose(table[columns].values[-1], last, rtol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("short", "column", "values"),
-    [
-        ("Z", "coordination_number", lambda run: run["coordination_number"]),
-        ("A_zz", "contact_anisotropy_zz", lambda run: run["contact_anisotropy"].sel(i="z", j="z")),
-        ("q", "q", lambda run: run.lab.q()),
-    ],
-)
-def test_short_names_and_quantities_can_be_drawn(short, column, values, run, run_file, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["figure", "records", str(run_file), "--variable", short, "-o", "f.png", "--csv", "f.csv"]) == 0
-    np.testing.assert_allclose(pandas.read_csv("f.csv")[column], values(run).values, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -157,14 +132,6 @@ def test_lives_and_changes_agree_with_the_contacts_of_the_snapshots(run):
 def test_strong_contacts_are_the_minority_and_carry_most_of_q(run):
     strong = run.lab.strong_networks().isel(snapshot=-1)
     assert (strong["fraction"] < 0.5).all() and (strong["share_of_q"] > 0.7).all()
-
-
-def test_a_snapshot_with_normalised_forces_is_labelled(run):
-    found = run.lab.normalised_contacts(-1)
-    assert isinstance(found, xr.Dataset) and found["normalised_normal_force"].dims == ("contact", "side")
-    mean = float(found["normalised_normal_force"].mean())
-    assert found["strong_by_normalised_force"].dtype == bool
-    assert float(found["normalised_normal_force"].where(found["strong_by_normalised_force"]).min()) > mean
 
 
 def test_any_function_of_contacts_can_be_followed(run):

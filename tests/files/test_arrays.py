@@ -6,6 +6,7 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.files import arrays
+from labkit.files.writable import stem
 from labkit.simulation.tasks import RunTask, execute
 
 
@@ -40,8 +41,19 @@ def test_a_state_is_the_same_in_both(soft_specimen, tmp_path):
         assert lk.read_state(tmp_path / name).digest() == soft_specimen.digest()
     read = arrays.Dataset(tmp_path / "s.state.npz")
     assert read.ncattrs() and read.variables["position"].dimensions == ("grain", "i")
-    with pytest.raises(lk.InputError, match=r"write_state\('s.state.npz'"):
+    with pytest.raises(lk.InputError, match="labkit export FILE"):
         arrays.Dataset(tmp_path / "s.state.nc")
+
+
+@pytest.mark.parametrize("kind", ["s.state.nc", "r.run.nc"])
+def test_the_command_that_the_refusal_names_writes_the_archive(kind, run, tmp_path):
+    source = tmp_path / kind
+    state = run[0].state
+    lk.write_state(source, state) if kind == "s.state.nc" else run[0].write(source)
+    assert main(["export", str(source), "-o", str(tmp_path / "new.state.npz")]) == 0
+    read = lk.read_state(tmp_path / "new.state.npz")
+    assert read.digest() == lk.read_state(source, snapshot=-1 if kind == "r.run.nc" else None).digest()
+    assert {file.name for file in tmp_path.iterdir()} == {kind, "new.state.npz"}
 
 
 def test_damage_is_found(soft_specimen, tmp_path):
@@ -55,6 +67,14 @@ def test_damage_is_found(soft_specimen, tmp_path):
         (tmp_path / "d.npz").write_bytes(content)
         with pytest.raises(lk.InputError):
             lk.read_state(tmp_path / "d.npz")
+
+
+def test_a_run_is_not_saved_in_an_archive(run, tmp_path, capsys):
+    state = tmp_path / "s.state.npz"
+    lk.write_state(state, run[0].state)
+    assert main(["run", "cv", str(state), "-o", str(tmp_path / "r.run.npz")]) == 2
+    assert "r.run.nc" in capsys.readouterr().err and [*tmp_path.iterdir()] == [state]
+    assert stem(run[1]) == stem(run[2]) == "r" and stem(state) == "s"
 
 
 def test_an_unfinished_run_is_not_extended(run):

@@ -43,15 +43,3 @@ def test_a_time_step_above_the_limit_is_refused(specimen_file):
     require_stable(state.replace(time_step=0.99 * limit))
     with pytest.raises(PhysicsError, match="exceeds the stability limit"):
         require_stable(state.replace(time_step=1.01 * limit))
-
-
-def test_a_run_with_a_time_step_above_the_limit_is_refused(specimen_file, tmp_path, labkit_command):
-    import dataclasses
-
-    from labkit.grains.state_file import write_state
-
-    state = read_state(specimen_file)
-    write_state(tmp_path / "s.state.nc", state.replace(scene=dataclasses.replace(state.scene, time_step_factor=0.5)))
-    done = labkit_command("run", "cv", tmp_path / "s.state.nc", "-o", tmp_path / "r.run.nc")
-    assert done.returncode == 1 and "time_step_factor" in done.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["s.state.nc"]

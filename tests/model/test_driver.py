@@ -14,31 +14,12 @@ from labkit.model.controls import Mixed, Oedometer, model_path, strain_control
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import Model
-from labkit.model.rates import _solve
-from labkit.model.state import (
-    ModelState,
-    inherent_anisotropy,
-    isotropic_force_anisotropy,
-    isotropic_state,
-)
+from labkit.model.state import ModelState, inherent_anisotropy, isotropic_force_anisotropy, isotropic_state
 from tests.model.random_states import AXIS, deviator, rotation
 from tests.model.scalar_formulas import scalar_rates, scalar_stress
 
 FLAT = Model().reading(beyond_e_cmax="flat")
 LONG = 2.0  # axial strain; Z relaxes over about a fifth of it
-
-
-@pytest.mark.parametrize("rows", range(1, 7))
-def test_rates_of_held_stresses_are_solved_for_like_numpy(rows):
-    rng = np.random.default_rng(rows)
-    A, b = rng.normal(size=(rows, rows)), rng.normal(size=rows)
-    A[0, 0] = 0.0 if rows > 1 else 2.0  # rows must be exchanged
-    v = b.copy()
-    assert _solve(A.copy(), v)
-    np.testing.assert_allclose(v, np.linalg.solve(A, b), rtol=1e-10)
-    for wrong in (0.0, np.nan):
-        A[-1] = wrong
-        assert not _solve(A.copy(), b.copy())
 
 
 def critical(e):

@@ -149,13 +149,6 @@ def test_points_are_independent_and_a_failed_point_has_a_status(model):
         failed.require()
 
 
-def test_zero_increment_changes_nothing(model):
-    y = states(isotropic_state(model, 0.67, 0.5e6), 3)
-    found = update(model, y, np.zeros((3, 6))).require()
-    np.testing.assert_array_equal(found.state, y)
-    assert np.isfinite(found.tangent).all()
-
-
 def test_the_voigt_tangent_applies_to_engineering_shear_strains(model):
     state, D = random_state(np.random.default_rng(2)), symmetric(np.random.default_rng(3), 1.0)
     engineering = np.array([D[0, 0], D[1, 1], D[2, 2], 2 * D[1, 2], 2 * D[0, 2], 2 * D[0, 1]])

@@ -11,6 +11,7 @@ from labkit.paths.step import Here
 from labkit.results.info import run_summary
 from labkit.results.verify import findings
 from labkit.simulation.progress import status_of
+from tests.stopped import run_stopped
 
 pytestmark = pytest.mark.slow
 
@@ -64,12 +65,7 @@ def test_cycles_with_a_static_shear_are_about_it(soft_specimen, side, drained, t
     np.testing.assert_allclose(cycles[[*at, -1]], [0.25, 0.75, 1.25, 1.75], atol=1e-6)
     assert f"about q = {q[0]:.6g} Pa" in run_summary(run.data)["cycles"]
 
-    def stop(fraction, text):
-        if fraction > 0.5:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        lk.run(state, path, file=file, **{**FAST, "progress": stop}, save_every=1)
+    run_stopped(0.5, state, path, file=file, **FAST, save_every=1)
     resumed = lk.run(state, path, file=file, **FAST, save_every=1)
     np.testing.assert_array_equal(resumed.data["stress"], run.data["stress"])
     if not drained:  # another run goes on with the cycles about the same q
@@ -151,30 +147,6 @@ def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
     record["stress"] = np.array([[2e5, 0.0, 1e5], [0.0, 2e5, 0.0], [1e5, 0.0, 2e5]])
     text = status_of(lk.paths.StressRotation(pressure=P), record, 0, 1)
     assert text.startswith("sigma_1 at 45 degrees to z, strain |eps|")
-
-
-EXTENSION = {
-    "at constant volume": lk.paths.ConstantVolume(strain=-0.03, rate=100.0),
-    "at constant radial stress": lk.paths.ConstantRadialStress(pressure=P, strain=-0.03, rate=100.0),
-    "at constant mean stress": lk.paths.ConstantMeanStress(pressure=P, strain=-0.03, rate=100.0),
-    "at constant axial stress": lk.paths.ConstantAxialStress(pressure=P, strain=-0.03, rate=100.0),
-}
-
-
-@pytest.fixture(scope="module")
-def isotropic_specimen():
-    """1,000 grains at 100 kPa: equal radial strains of 200 grains cause radial stresses that differ by 20 %."""
-    specimen = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=1000), lk.Scene(), progress=False)
-    return lk.consolidate(specimen, P, progress=False)
-
-
-@pytest.mark.parametrize("name", EXTENSION)
-def test_triaxial_extension(isotropic_specimen, name):
-    """The axial stress becomes the least one, and the held quantities stay; means over the last 1 % strain."""
-    run = lk.run(isotropic_specimen, EXTENSION[name], progress=False, snapshots=2, record_strain=1e-3)
-    stress = run.data["stress"].values[-10:].mean(axis=0)
-    assert stress[2, 2] < min(stress[0, 0], stress[1, 1]) and run.data.lab.q().values[-1] < 0.0
-    assert run.data.lab.lode_angle().values[-10:].mean() > 45.0 and all(held(run).values())
 
 
 def test_one_amplitude_at_a_time():

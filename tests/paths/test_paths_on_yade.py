@@ -55,16 +55,3 @@ def test_a_test_starts_isotropic_at_its_pressure(path_run):
     name, run = path_run
     if name in ("cr", "cyclic_cp"):
         np.testing.assert_allclose(np.diag(run["stress"][0]), 0.5e6, rtol=2e-3)
-
-
-def test_consolidation_reaches_its_pressure(tmp_path, specimen_file, labkit_command):
-    file = tmp_path / "c.state.nc"
-    done = labkit_command("consolidate", specimen_file, "--pressure", 0.4e6, "--engine", "yade", "-o", file)
-    assert done.returncode == 0 and "deviation from the pressure 0.0" in done.stdout, done.stdout + done.stderr
-
-
-def test_a_run_reports_the_limits_that_it_exceeds(tmp_path, specimen_file, labkit_command):
-    file = tmp_path / "fast.run.nc"
-    done = labkit_command("run", "cv", specimen_file, "--rate", 100, "--strain", 0.005, "--engine", "yade", "-o", file)
-    said = "the inertial number is above the limit of 0.0003 at"
-    assert done.returncode == 0 and said in done.stdout, done.stdout + done.stderr

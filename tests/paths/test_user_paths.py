@@ -39,26 +39,6 @@ def run_program(forks):
     return printed
 
 
-@pytest.mark.parametrize("engine", ["fused", "yade"])
-def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, run_program, tmp_path):
-    result = run_program("plane_strain", state_file, engine, tmp_path / "r.run.nc")
-    assert len(result["checks"]) == 3 and all(result["checks"].values()), result["checks"]
-    strain, stress = np.array(result["strain"]), np.array(result["stress"])
-    assert np.isclose(strain[-1, 2, 2], 0.01, rtol=1e-3) and np.abs(strain[:, 1, 1]).max() < 1e-12
-    assert stress[2, 2] > stress[1, 1] > stress[0, 0]
-    s = (stress + stress.T) / 2 - np.trace(stress) / 3 * np.eye(3)  # the class does not declare that it is asymmetric
-    assert np.isclose(result["q"], np.sqrt(1.5 * (s * s).sum()), rtol=1e-12)
-
-
-@pytest.mark.parametrize("engine", ["fused", "yade"])
-def test_a_negative_strain_is_extension(engine, state_file, run_program, tmp_path):
-    result = run_program("extension", state_file, engine, tmp_path / "r.run.nc")
-    assert result["checks"] == {"held: volume, drift": True}
-    strain, stress = np.array(result["strain"]), np.array(result["stress"])
-    assert np.isclose(strain[-1, 2, 2], -0.005, rtol=1e-3) and np.isclose(strain[-1, 0, 0], 0.0025, rtol=1e-3)
-    assert stress[2, 2] < stress[0, 0]
-
-
 REFUSED = [(0.5, 0.5, -1.0), (0, 1), (0.0, 0.0, float("nan")), "abc", None]
 
 

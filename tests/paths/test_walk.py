@@ -9,6 +9,7 @@ import labkit as lk
 from labkit.model import Model, drive, isotropic_state
 from labkit.paths import RecordMeets, Step, StrainReached, StressReached
 from labkit.paths.path import number_of_steps
+from tests.stopped import run_stopped
 
 P, LEVEL, RATIO = 0.3e6, 0.4e6, 0.3
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:at the axial strain rate")]
@@ -66,18 +67,9 @@ def test_steps_end_at_a_stress_a_record_and_a_strain_on_grains_and_resume(loose_
     require_walked(whole.data["strain"].values, whole.data["stress"].values, 1e-9)
     assert lk.mean_stress(SEEN[-1]) == pytest.approx(LEVEL, rel=0.02)
 
-    class Enough(Exception):
-        pass
-
     for share in (0.1, 0.3, 0.6, 0.9):
         file = tmp_path / f"{share}.run.nc"
-
-        def stop(done, text, share=share):
-            if done > share:
-                raise Enough
-
-        with pytest.raises(Enough):
-            lk.run(specimen, path, file=file, **{**options, "progress": stop})
+        run_stopped(share, specimen, path, file=file, **options)
         resumed = lk.run(specimen, path, file=file, **options)
         assert resumed.data.attrs["data_sha256"] == whole.data.attrs["data_sha256"]
 

@@ -1,8 +1,6 @@
 """Kills, signals, a second writer and a full disk during real runs on YADE."""
 
-import re
 import shutil
-import signal
 import subprocess
 
 import netCDF4
@@ -12,11 +10,10 @@ import pytest
 import labkit as lk
 from labkit.files.schema import CONTACTS, RECORD
 from labkit.process.interruption import only_writer
-from tests.killed import run_killed, signalled
+from tests.killed import run_killed
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
-ESTIMATE = re.compile(r"grains, .* steps, about ")  # the line with the expected time of a run
 OPTIONS = {"engine": "yade", "save_every": 2, "progress": False}
 PATHS = {
     "cv": lk.paths.ConstantVolume(strain=0.01),
@@ -78,17 +75,6 @@ def test_a_killed_run_ends_with_bit_identical_records(name, moment, count, kept,
     lk.run(state, PATHS[name], file=file, **OPTIONS)
     assert_same_bits(file, undisturbed(name))
     assert [each.name for each in tmp_path.iterdir()] == ["r.run.nc"]
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_saves_the_last_checkpoint_and_the_resumed_run_has_the_same_bits(number, tiny, undisturbed, tmp_path):
-    file = tmp_path / "r.run.nc"
-    done = signalled(number, "save", 2, "run", "cp", tiny, *CP, "-o", file)
-    (said,) = (line for line in done.stderr.splitlines() if not ESTIMATE.search(line))
-    assert done.returncode == 128 + number and str(file) in said
-    assert contents(file)[1] == 0
-    lk.run(lk.read_state(tiny), PATHS["cp"], file=file, **OPTIONS)
-    assert_same_bits(file, undisturbed("cp"))
 
 
 def test_a_second_process_on_the_same_file_is_refused(tiny, labkit_command, tmp_path):

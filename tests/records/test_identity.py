@@ -4,7 +4,8 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.records.identity import differences
+from labkit.records.checkpoint import differences
+from tests.stopped import run_stopped
 
 PATH = """
 path: steps
@@ -20,16 +21,8 @@ def test_an_edited_comment_or_label_resumes_a_run_and_a_difference_is_said_in_wo
         file.write_text(comment + PATH.format(strain=strain, label=label))
         return lk.read_path(file)
 
-    class Enough(Exception):
-        pass
-
-    def stop(fraction, text):
-        if fraction > 0.4:
-            raise Enough
-
     options = {"file": tmp_path / "r.run.nc", "record_strain": 2e-4, "save_every": 1}
-    with pytest.raises(Enough):
-        lk.run(soft_specimen, path("0.2 %"), progress=stop, **options)
+    run_stopped(0.4, soft_specimen, path("0.2 %"), **options)
     with pytest.raises(InputError) as refused:
         lk.run(soft_specimen, path("0.3 %"), progress=False, **options)
     assert (

@@ -25,12 +25,6 @@ def test_components_are_selected_by_axis_labels(run, run_file, specimen_file):
     assert "i" not in run.lab.over_snapshots(lambda snapshot: {"sides": 2 * len(snapshot.contacts)}).coords
 
 
-def test_a_state_file_is_read_when_it_is_used_and_has_no_snapshots(specimen_file):
-    assert labkit.open_state(specimen_file).encoding["source"] == str(specimen_file)
-    with pytest.raises(labkit.InputError, match=r"^snapshot 0 "):
-        labkit.open_state(specimen_file, snapshot=0)
-
-
 def test_the_stress_ratio_is_dimensionless_and_named(run):
     ratio = run.lab.stress_ratio()
     assert ratio.attrs == {"units": "1", "long_name": "stress ratio q/p"} and ratio.dims == ("time",)

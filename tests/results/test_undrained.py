@@ -11,6 +11,7 @@ from labkit.errors import InputError
 from labkit.paths.facts import double_amplitude, number_of_cycles
 from labkit.results.info import describe_file, run_summary
 from labkit.simulation.tasks import RunTask
+from tests.stopped import run_stopped
 
 pytestmark = pytest.mark.slow
 
@@ -125,18 +126,10 @@ def test_r_u_starts_anew_after_drainage_and_at_rest(soft_specimen):
 
 
 def test_a_resumed_run_keeps_the_start_of_undrained_loading(soft_specimen, tmp_path):
-    class Enough(Exception):
-        pass
-
-    def stop(fraction, text):
-        if fraction > 0.5:
-            raise Enough
-
     path, options = lk.paths.ConstantVolume(strain=0.01), {"record_strain": 1e-3, "save_every": 1}
     first = lk.run(soft_specimen, path, progress=False, **options)
     file = tmp_path / "r.run.nc"
-    with pytest.raises(Enough):
-        lk.run(first.state, path, file=file, progress=stop, **options)
+    run_stopped(0.5, first.state, path, file=file, **options)
     second = lk.run(first.state, path, file=file, progress=False, **options)
     p = first.data.lab.mean_stress().values[0]
     np.testing.assert_allclose(second.data.lab.pore_pressure_ratio(), 1.0 - second.data.lab.mean_stress() / p)

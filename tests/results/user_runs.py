@@ -14,6 +14,8 @@ from labkit.paths.element_tests import SimpleShearConstantVolume
 from labkit.quantities import QUANTITIES
 from labkit.results.figures import FIGURES
 from labkit.results.info import describe_file
+from tests.plugins.laboratory_data.columns import of_columns
+from tests.stopped import run_stopped
 
 MIXED = """\
 path: steps
@@ -36,20 +38,11 @@ RUNS = (
 )
 
 
-class Enough(Exception):
-    """Ends a run before its path is complete."""
-
-
 def measured_test(folder):
     """A consolidated undrained triaxial test from a laboratory."""
     file = folder / "u.csv"
     file.write_text(MEASURED)
-    columns = {
-        "axial_strain": ("ea", "1", "compression"),
-        "deviatoric_stress": ("q", "kPa", "compression"),
-        "radial_stress": ("s3", "kPa", "compression"),
-        "pore_pressure": ("u", "kPa"),
-    }
+    columns = of_columns(e1="ea:1", q="q:kPa", s3="s3:kPa", u="u:kPa")
     meaning = {"strain_kind": "engineering", "stress_kind": "total", "source": "x", "licence": "y"}
     return lk.read_measured(file, lk.paths.ConstantVolume(strain=0.1), columns, void_ratio=0.7, **meaning)
 
@@ -76,12 +69,8 @@ def make_runs(folder):
     run("stopped", lk.paths.ConstantMeanStress(pressure=P, strain=0.01), stop_when="abs(axial_strain) > 0.5 %")
     run("no_snapshots", lk.paths.ConstantMeanStress(pressure=P, strain=0.004), snapshots=0)
 
-    def enough(share, text):
-        if share > 0.5:
-            raise Enough
-
-    with contextlib.suppress(Enough):
-        run("unfinished", lk.paths.ConstantMeanStress(pressure=P, strain=0.01), save_every=1, progress=enough)
+    files["unfinished"], path = folder / "unfinished.run.nc", lk.paths.ConstantMeanStress(pressure=P, strain=0.01)
+    run_stopped(0.5, state, path, file=files["unfinished"], **options, record_strain=1e-3, save_every=1)
     clumps = lk.make_specimen(lk.Recipe(void_ratio=0.6, grains=100, shape="rod aspect_ratio=1.5"), progress=False)
     run("clumps", lk.paths.ConstantVolume(strain=0.004), clumps)
     files["model"] = folder / "model.run.nc"
@@ -104,7 +93,7 @@ def command(*words):
 
 
 ARGUMENTS = {  # of methods of the accessor that have no defaults
-    **dict.fromkeys(("snapshot", "contacts", "contacts_table", "normalised_contacts"), (-1,)),
+    **dict.fromkeys(("snapshot", "contacts", "contacts_table"), (-1,)),
     "component": ("contact_anisotropy",),
     "at_snapshots": ("void_ratio",),
     **dict.fromkeys(("quantity", "variable"), ("q/p",)),

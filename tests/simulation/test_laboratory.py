@@ -20,6 +20,7 @@ from labkit.files.provenance import check
 from labkit.paths.rates import on_grains
 from labkit.records.limits import relative_width, width_warning
 from tests.conftest import PATIENCE
+from tests.stopped import run_stopped
 
 pytestmark = pytest.mark.slow
 
@@ -135,17 +136,8 @@ def test_the_file_of_a_run(state, folder):
 @pytest.mark.parametrize("engine", ["fused", "yade"])
 def test_an_interrupted_run_is_resumed_by_the_same_call(engine, state, folder):
     """An exception in the progress function stops the run; YADE's process then writes its checkpoint and ends."""
-
-    class Enough(Exception):
-        pass
-
-    def until_half(fraction, text):
-        if fraction > 0.5:
-            raise Enough
-
     arguments = {"engine": engine, "save_every": 1, "snapshots": 2}
-    with pytest.raises(Enough):
-        lk.run(state, PATH, file="r.run.nc", progress=until_half, **arguments)
+    run_stopped(0.5, state, PATH, file="r.run.nc", **arguments)
     partial = lk.Run.open("r.run.nc")
     assert not partial.complete and 1 <= partial.data.sizes["time"] < 6 and "not complete" in repr(partial)
     partial.data.close()
@@ -238,8 +230,6 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 "),
         (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
         (lambda: lk.run(state, cv(), file="new.nc", engine=lk.Fused(10_000)), "threads", "threads 10000 "),
-        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 "),
-        (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 "),
         (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots"),
         (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
         (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses'"),

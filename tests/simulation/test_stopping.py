@@ -56,7 +56,7 @@ def stop(state, file, progress, **options):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_command_stops_at_its_next_checkpoint(engine, number, loose_specimen, labkit_command, tmp_path):
     """The signal comes after the first record; the next checkpoint is at the fifth."""
     state, file, whole = (tmp_path / name for name in ("s.state.nc", "r.run.nc", "whole.run.nc"))

@@ -101,6 +101,7 @@ FORMATS = Registry[type[Format]](
         "ondem": "labkit.plugins.exchange.ondem:OnDem",
         "extended_xyz": "labkit.plugins.exchange.extended_xyz:ExtendedXyz",
         "vtk": "labkit.plugins.exchange.vtk:Vtk",
+        "state_archive": "labkit.plugins.exchange.archive:StateArchive",
         "numpy": "labkit.plugins.exchange.numpy_arrays:NumpyArrays",
         "table": "labkit.plugins.exchange.tables:TextTable",
     },

@@ -9,7 +9,6 @@ from typing import Any
 
 from labkit.engines.base import Progress
 from labkit.errors import InputError, as_typed
-from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.parameters import Parameter, options_of, parameters_of
@@ -26,6 +25,8 @@ GROUPS: dict[str, tuple[type, tuple[str, ...]]] = {
     "consolidation": (Consolidation, ("pressure",)),
 }
 MOST_SPHERES = 5_000  # a test to 10 % of so many takes some minutes in a browser
+MOST_BYTES = 100_000_000  # of a file; a State of so many grains has some 2 MB
+TOO_LARGE = f"this file is too large for a page: give a State of at most {MOST_SPHERES} spheres"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +70,8 @@ def offered() -> dict[str, Any]:
     """Return what the page offers, as JSON: the fields of each group, and the paths with their fields."""
     groups = {group: [_field(options_of(kind)[name]) for name in names] for group, (kind, names) in GROUPS.items()}
     paths = {name: _path(PATHS[name]) for name in PATHS if not _needs_a_file(PATHS[name])}
-    return {"groups": groups, "paths": paths, "laws": {name: LAWS[name].description for name in LAWS}}
+    upload = {"most": MOST_BYTES, "refusal": TOO_LARGE}
+    return {"groups": groups, "paths": paths, "upload": upload}
 
 
 def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
@@ -82,7 +84,7 @@ def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _path(kind: type[Path]) -> dict[str, Any]:
-    summary = (inspect.getdoc(kind) or "").partition("\n")[0]
+    summary = (inspect.getdoc(kind) or "").partition("\n")[0].replace("`", "")
     return {
         "title": summary.partition(":")[0].rstrip("."),
         "summary": summary,

@@ -23,11 +23,15 @@ NEAR = 0.5  # largest component along y of the contact normals in the rose: 30 d
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """A quantity of labkit's table along a run; `of` is the tensor from which it is computed, instead of the stress."""
+    """A quantity of labkit's table along a run.
+
+    `of` is the tensor from which it is computed, instead of the stress; `look` is one of three colours and dashes.
+    """
 
     quantity: str
     legend: str = ""
     of: str = "stress"
+    look: int = 0
 
     @property
     def key(self) -> str:
@@ -68,7 +72,7 @@ class Panel:
 
     def described(self, facts: Facts) -> dict[str, Any]:
         """Return the panel as JSON, with its labels in a run with these facts."""
-        legends = [{"key": curve.key, "legend": curve.legend} for curve in self.curves]
+        legends = [{"key": curve.key, "legend": curve.legend, "look": curve.look} for curve in self.curves]
         text = {"title": self.title, "sentence": self.sentence, "theory": self.theory}
         axis = self.axis or self.curves[0].axis(facts)
         return {**text, "x": self.x.key, "x_axis": self.x.axis(facts), "y_axis": axis, "curves": legends}
@@ -86,8 +90,8 @@ PANELS = (
         STRAIN,
         (
             Curve("stress_ratio", "Love's stress"),
-            Curve("stress_ratio", "equation C0", "stress_sff"),
-            Curve("stress_ratio", "equation by volume", "stress_sff_by_volume"),
+            Curve("stress_ratio", "equation C0", "stress_sff", 1),
+            Curve("stress_ratio", "equation by volume", "stress_sff_by_volume", 2),
         ),
     ),
     Panel(
@@ -122,7 +126,7 @@ PANELS = (
         STRAIN,
         (
             Curve("q", "contact normals A", "contact_anisotropy"),
-            Curve("q", "normal forces F", "normal_force_anisotropy"),
+            Curve("q", "normal forces F", "normal_force_anisotropy", 1),
         ),
         "deviator of A and F",
     ),
@@ -131,7 +135,7 @@ PANELS = (
         "Distance of each equation's stress from Love's stress, relative to Love's; zero means that averages say all.",
         SFF,
         STRAIN,
-        (Curve("sff_error", "equation C0"), Curve("sff_error_by_volume", "equation by volume")),
+        (Curve("sff_error", "equation C0", look=1), Curve("sff_error_by_volume", "equation by volume", look=2)),
         "error relative to Love's stress (%)",
     ),
     Panel(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import shutil
 import tempfile
@@ -24,45 +25,55 @@ PYODIDE = "https://cdn.jsdelivr.net/pyodide/v0.27.7/full/"
 PAPER = "https://doi.org/10.1007/s10035-019-0868-8"
 
 
-def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: str = PAPER) -> None:
+def write_site(folder: Path, wheel: Path | None, pyodide: str | None = None, theory: str = PAPER) -> None:
     """Write the page into a folder.
 
     Args:
         folder: Folder of the page, created if it is missing.
-        wheel: Wheel of labkit for browsers (labkit.engines.browser).
+        wheel: Wheel of labkit for browsers (labkit.engines.browser); without one the page says how to add it.
         pyodide: Folder of Pyodide and NumPy, which is copied into the page (default: the page loads the public one).
         theory: Address of docs/theory.md as a page, or of the paper.
     """
     shutil.copytree(STATIC, folder, dirs_exist_ok=True)
-    shutil.copyfile(wheel, folder / wheel.name)
+    if wheel is not None:
+        shutil.copyfile(wheel, folder / wheel.name)
     if pyodide is not None:
         shutil.copytree(pyodide, folder / "pyodide", dirs_exist_ok=True)
     viewer = module_of_plugin("labkit page", "labkit.plugins.pictures.viewer")
     (folder / "viewer.html").write_text(viewer.empty_page("Grains and contact forces"), encoding="utf-8")
-    about = {"pyodide": PYODIDE if pyodide is None else "pyodide/", "wheel": wheel.name, "theory": theory}
+    about = {"pyodide": PYODIDE if pyodide is None else "pyodide/", "wheel": wheel and wheel.name, "theory": theory}
     exercises = [dataclasses.asdict(exercise) for exercise in EXERCISES]
     for exercise, described in zip(EXERCISES, exercises, strict=True):
         for test, row in zip(exercise.tests, described["tests"], strict=True):
             row["specimen"] = test.specimen
-            if not (folder / test.specimen).exists():
+            if wheel is not None and not (folder / test.specimen).exists():
                 write_state(folder / test.specimen, Choices.of(test.choices).specimen(silent))
     site = {**about, **offered(), "exercises": exercises}
     (folder / "page.json").write_text(json.dumps(site), encoding="utf-8")
 
 
+def stored_wheel() -> Path | None:
+    """Return the wheel of this version of labkit, if it was built."""
+    return next(iter(_folder_of_wheel().glob("*.whl")), None)
+
+
 def wheel_for_browsers() -> Path:
     """Return the wheel of this version of labkit, which is built at the first use and stored. Raises InputError."""
+    if stored := stored_wheel():
+        return stored
+    notice("building labkit for browsers, which takes some minutes, once")
+    folder = _folder_of_wheel()
+    try:
+        with tempfile.TemporaryDirectory(prefix="labkit-page-") as scratch:
+            wheel = build_wheel(Path(scratch))
+            folder.mkdir(exist_ok=True)
+            return Path(shutil.copy(wheel, folder / "copy")).replace(folder / wheel.name)
+    except CannotCompile as error:
+        raise InputError(str(error)) from None
+
+
+@functools.cache
+def _folder_of_wheel() -> Path:
     package = Path(__file__).parents[2]
     sources = (file for file in package.rglob("*") if file.suffix in (".py", ".cpp", ".hpp", ".html", ".js", ".css"))
-    folder = cache_folder("page") or Path(tempfile.mkdtemp(prefix="labkit-page-"))
-    folder /= hash_files(sources)[:16]
-    if not (built := sorted(folder.glob("*.whl"))):
-        notice("building labkit for browsers, which takes some minutes, once")
-        try:
-            with tempfile.TemporaryDirectory(prefix="labkit-page-") as scratch:
-                wheel = build_wheel(Path(scratch))
-                folder.mkdir(exist_ok=True)
-                built = [Path(shutil.copy(wheel, folder / "copy")).replace(folder / wheel.name)]
-        except CannotCompile as error:
-            raise InputError(str(error)) from None
-    return built[0]
+    return (cache_folder("page") or Path(tempfile.mkdtemp(prefix="labkit-page-"))) / hash_files(sources)[:16]

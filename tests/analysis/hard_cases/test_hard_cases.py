@@ -126,20 +126,8 @@ def test_a_run_that_does_not_say_its_limit_is_found(tmp_path):
 
 
 def hard_cases(tmp_path, *options):
-    return studies.main(
-        [
-            "hard-cases",
-            *options,
-            "--engine",
-            "fused",
-            "--grains",
-            str(GRAINS),
-            "-o",
-            str(tmp_path / "out"),
-            "--work",
-            str(tmp_path / "work"),
-        ]
-    )
+    places = ["-o", str(tmp_path / "out"), "--work", str(tmp_path / "work")]
+    return studies.main(["hard-cases", *options, "--engine", "fused", "--grains", str(GRAINS), *places])
 
 
 def test_the_command_writes_a_page_redraws_it_goes_on_and_fails_for_a_wrong_answer(tmp_path, capsys):

@@ -8,7 +8,7 @@ from labkit.errors import InputError
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import ConstantVolume
 from labkit.plugins.campaigns.file import read_campaign
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS
 
 GOOD = """\
 settings: quick
@@ -40,9 +40,7 @@ def run(fields):
 BROKEN = {
     "empty": ("", [(1, "holds `specimens:`")]),
     "a list": ("- a\n- b\n", [(1, "`specimens:`")]),
-    "a word": ("campaign\n", [(1, "`specimens:`")]),
     "not YAML": ("specimens: {a: [\nruns: 3\n", [(3, "not YAML")]),
-    "a tab": ("specimens:\n\ta: 1\n", [(2, "YAML")]),
     "a character that may not be": ("specimens: \x00\n", [(1, "YAML")]),
     "nested without end": ("[" * 5000, [(1, "nested too deep")]),
     "no runs": (HEAD, [(1, "`runs:` is missing")]),
@@ -54,8 +52,6 @@ BROKEN = {
     "misspelt key of the file": (HEAD + RUNS + "setings: quick\n", [(6, "did you mean 'settings'")]),
     "unknown settings": ("settings: fast\n" + HEAD + RUNS, [(1, "settings 'fast'")]),
     "unknown engine": (HEAD.replace("fused", "warp") + RUNS, [(1, "engine 'warp'")]),
-    "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 ")]),
-    "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "snapshots 'many' ")]),
     "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "cannot be the name of a folder")]),
     "pairs with mistakes": (
         """specimens:
@@ -78,10 +74,7 @@ BROKEN = {
         ],
     ),
     "void ratio missing": (specimen("grains: 150"), [(3, "void_ratio is missing")]),
-    "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 ")]),
-    "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 ")]),
     "void ratio a word": (specimen("void_ratio: dense, grains: 150"), [(3, "void_ratio 'dense' ")]),
-    "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "void_ratio nan ")]),
     "the same value twice": (
         specimen("void_ratio: [0.6, 60 %], grains: 150, seed: [1, 1]"),
         [(3, "void_ratio lists the same value twice"), (3, "seed ")],
@@ -97,27 +90,15 @@ BROKEN = {
     ),
     "a parameter that the law of a run does not use": (run("path: cv, specimen: a, beta_n: 0.3"), [(5, "beta_n 0.3 ")]),
     "void ratio empty": (specimen("void_ratio: , grains: 150"), [(3, "void_ratio is empty")]),
-    "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 ")]),
-    "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 ")]),
-    "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "grains 150.5 ")]),
     "a side without a unit": (specimen("void_ratio: 0.67, side: 4"), [(3, "4 mm, or 4 m ")]),
-    "a side in MPa": (specimen("void_ratio: 0.67, side: 4 MPa"), [(3, "side 4 MPa ")]),
-    "a side of a metre": (specimen("void_ratio: 0.67, side: 1 m"), [(3, "side 1 ")]),
     "a side that holds nothing": (specimen("void_ratio: 0.67, side: 0.1 mm"), [(3, "side 0.0001 ")]),
     "side and grains": (specimen("void_ratio: 0.67, side: 1 mm, grains: 150"), [(3, "side 0.001 ")]),
-    "negative friction": (specimen("void_ratio: 0.67, grains: 150, step1_friction: -1"), [(3, "step1_friction -1")]),
-    "a seed below zero": (specimen("void_ratio: 0.67, grains: 150, seed: -3"), [(3, "seed -3")]),
     "no seeds": (specimen("void_ratio: 0.67, grains: 150, seed: []"), [(3, "empty list")]),
     "unknown key of a specimen": (specimen("void_ratio: 0.67, frction: 1"), [(3, "'frction'")]),
     "law spring_dashpot on yade": (
         specimen("void_ratio: 0.67, grains: 150, law: spring_dashpot, engine: yade"),
         [(3, "spring_dashpot")],
     ),
-    "a run of law spring_dashpot on yade": (
-        specimen("void_ratio: 0.67, grains: 150, law: spring_dashpot").replace("cv,", "cv, engine: yade,"),
-        [(5, "spring_dashpot")],
-    ),
-    "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time_step_factor 0 ")]),
     "a specimen that is a number": (
         HEAD + "  b: 3\n" + RUNS,
         [(4, "specimen b is a single value"), (4, "void_ratio ")],
@@ -160,23 +141,16 @@ BROKEN = {
     "specimen missing": (run("path: cv"), [(5, "specimen ")]),
     "specimen unknown": (run("path: cv, specimen: dense"), [(5, "'dense'")]),
     "pressure without a unit": (run("path: cp, specimen: a, pressure: 0.5"), [(5, "0.5 MPa or kPa, or 0.5 Pa ")]),
-    "pressure in Torr": (run("path: cp, specimen: a, pressure: 5 Torr"), [(5, "pressure 5 Torr ")]),
-    "pressure below zero": (run("path: cp, specimen: a, pressure: -1 MPa"), [(5, "pressure -1e+06 ")]),
     "parameters that cv does not have": (
         run("path: cv, specimen: a, pressure: 1 MPa, reversals: [0.01]"),
         [(5, "pressure is not a parameter of cv"), (5, "reversals ")],
     ),
     "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
-    "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 ")]),
-    "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 ")]),
     "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps for the shortest step")]),
-    "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 ")]),
     "reversals that do not alternate": (
         run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
         [(5, "does not reverse")],
     ),
-    "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
-    "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
     "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"), [(1, "time_step_factor -1 ")]),
     "a consolidation on yade of a specimen with law spring_dashpot": (
         specimen("void_ratio: 0.67, grains: 150, law: spring_dashpot").replace(
@@ -188,18 +162,15 @@ BROKEN = {
         (HEAD + "  a-at-p500kPa-fused: {void_ratio: 0.67, grains: 150}\n" + RUNS),
         [(4, "labkit reserves this name")],
     ),
-    "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
     "law spring_dashpot in a run on yade": (
         run("path: cv, specimen: a, law: spring_dashpot, engine: yade"),
         [(5, "spring_dashpot")],
     ),
-    "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"), [(5, "time_step_factor 100 ")]),
     "five at once": (
         "settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1") + "  r: {path: cx, specimen: a}\n",
         [(1, "'fast'"), (4, "void_ratio 9"), (4, "grains 0"), (4, "seed -1"), (7, "'cx'")],
     ),
     "grains of another size in a run": (run("path: cv, specimen: a, mean_diameter: 1 mm"), [(5, "'mean_diameter'")]),
-    "friction with a unit": (specimen("void_ratio: 0.67, grains: 150, friction: 0.4 MPa"), [(3, "friction 0.4 MPa ")]),
     "softer grains in a run": (
         run("path: cp, specimen: a, pressure: 1 MPa, young_modulus: 10 MPa"),
         [(5, "E = 1e+07 Pa")],
@@ -209,7 +180,6 @@ BROKEN = {
         [(1, "own.py does not exist: give a Python file")],
     ),
     "a file to use that is a mapping": ("use: {own: py}\n" + HEAD + RUNS, [(1, "use is a mapping: give one value")]),
-    "two in one run": (run("path: cp, specimen: a, pressure: 9 MPa, rate: 0 1/s"), [(5, "9e+06"), (5, "rate 0")]),
 }
 
 

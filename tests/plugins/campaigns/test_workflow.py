@@ -324,15 +324,6 @@ def test_on_slurm_a_run_asks_for_its_threads(tmp_path):
     assert {"--cpus-per-task=2", "-p", "short"} < set(words)
 
 
-def test_an_invalid_file_starts_nothing(tmp_path, labkit_command):
-    (tmp_path / "bad.yaml").write_text("specimens:\n  a: {void_ratio: 9}\nruns:\n  r: {path: cx, specimen: a}\n")
-    for words in ([], ["--dry-run"]):
-        done = labkit_command("campaign", "bad.yaml", *words, cwd=tmp_path)
-        assert done.returncode == 2 and "has 2 errors, nothing was started" in done.stderr
-        assert "line 2: " in done.stderr and "line 4: " in done.stderr and "Traceback" not in done.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["bad.yaml"]
-
-
 def test_a_missing_profile_is_refused(tmp_path, labkit_command):
     (tmp_path / "tiny.yaml").write_text(TINY)
     done = labkit_command("campaign", "tiny.yaml", "--profile", "nowhere", cwd=tmp_path)

@@ -136,10 +136,21 @@ def test_the_shift_of_lees_edwards_boundaries_is_kept(tmp_path, box, tilt):
     assert found.cell[0, 1] == pytest.approx(1e-3 * tilt)
     contacts = found.state(lk.Scene()).snapshot().contacts
     assert contacts.grain.tolist() == [[0, 1]] and contacts.overlap == pytest.approx([0.1e-3])
+    assert found.normal_force == pytest.approx([3.0]) and contacts.normal[0] == pytest.approx([0.0, 1.0, 0.0])
     texts = " ".join(map(str, found.findings))
     assert ("sheared by 2 in x" in texts) or ("shift of 2 in x" in texts)
     assert "all grains have the same z: if they are discs" in texts
     assert "density 2000 (--density), stiffness 1000, dissipation 2, a 1, b 2: not used" in texts and "c 3" not in texts
+
+
+def test_a_restart_with_all_boundaries_has_its_own_box_and_no_walls(tmp_path):
+    periodic = "PeriodicBoundary id 1 normal 0 0 1 scaleFactor 1 distanceLeft 0 distanceRight 10 shift 0 0 10"
+    wall = "LinearViscoelasticInteraction particleId 7 wallId 0 timeStamp 1 force 0 1 0 torque 0 0 0"
+    text = MERCURY.replace("Boundaries 1", f"Boundaries 2\n{periodic}")
+    text = text.replace("Interactions 1", f"Interactions 2\n{wall}")
+    found = read(written(tmp_path, text, "two.restart"), length_unit="mm", force_unit="N")
+    np.testing.assert_allclose(found.cell, 1e-3 * np.array([[10, 2, 0], [0, 10, 0], [0, 0, 10]]))
+    assert "1 contacts with walls are left out" in map(str, found.findings) and len(found.grain) == 1
 
 
 @pytest.mark.parametrize("version", ["2", "3", "4beta"])

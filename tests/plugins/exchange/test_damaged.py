@@ -70,8 +70,6 @@ def test_files_without_grains_are_refused(name, content, tmp_path):
         ("a.data", "by hand\n3 atoms\n" + "".join(f"0 9 {a}lo {a}hi\n" for a in "xyz") +
          "Atoms # sphere\n\n1 1 2 1 1 1 1\n2 1",
          "row 2 has 2 numbers"),
-        ("a.dump", "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n9\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n"
-         "ITEM: ATOMS id x y z radius\n1 0 0 0 1\n", "states 9 atoms, but 1 rows follow"),
         ("a.restart", "MercuryDPM 1.0\nParticles 2\nSphericalParticle id 7 posi", "damaged"),
     ],
 )  # fmt: skip

@@ -133,11 +133,6 @@ def test_wide_gradings_are_imported_with_a_word(tmp_path):
     assert state.number_of_grains == 3
 
 
-def test_a_table_may_begin_with_several_comments(tmp_path):
-    (tmp_path / "g.txt").write_text("# by hand\n# in July\n\n# x y z r\n1 1 1 0.5\n1 1 1.99 0.5\n3 3 3 0.5\n")
-    assert read(tmp_path / "g.txt", length_unit="mm", box="4").radius == pytest.approx(5e-4)
-
-
 def test_the_mean_diameter_shows_a_wrong_unit_of_length(tmp_path):
     with pytest.warns(UserWarning, match="the mean diameter is 1 m"):
         lk.import_state(data_file(tmp_path, "Atoms # sphere"), length_unit="m")

@@ -8,29 +8,12 @@ import pytest
 import labkit as lk
 from labkit.cli.dispatch import main
 from labkit.grains.state_file import read_state
-from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read, state_of_snapshot
+from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
 pytestmark = pytest.mark.slow
 
 EXACT = {"lammps_data": "s.data", "ondem": "s.vtkhdf", "sphere_pack": "s.spheres"}
-MERCURY = """MercuryDPM 1.0 name two revision 1 repository none
-restartFile fileType ONE_FILE saveCount 1
-xMin 0 xMax 10 yMin 0 yMax 10 zMin 0 zMax 10
-Species 1
-LinearViscoelasticSpecies id 0 density 2000 stiffness 1000
-Walls 1
-InfiniteWall id 0 indSpecies 0 position 0 0 0
-Boundaries 2
-LeesEdwardsBoundary id 0 left 0 right 10 down 0 up 10 shift 42 vel 1
-PeriodicBoundary id 1 normal 0 0 1 scaleFactor 1 distanceLeft 0 distanceRight 10 shift 0 0 10
-Particles 2
-SphericalParticle id 7 indSpecies 0 position 5 9.1 5 orientation 1 0 0 0 velocity 0 0 0 radius 1 invMass 1
-SphericalParticle id 9 indSpecies 0 position 3 1 5 orientation 1 0 0 0 velocity 0 0 0 radius 1 invMass 1
-Interactions 2
-LinearViscoelasticInteraction particleIds 7 9 timeStamp 1 force 0 -3 0 torque 0 0 0
-LinearViscoelasticInteraction particleId 7 wallId 0 timeStamp 1 force 0 1 0 torque 0 0 0
-"""
 
 
 @pytest.fixture
@@ -84,22 +67,6 @@ def test_texts_of_yade_are_read(straight, yade_files):
         found = import_state(folder / file, straight.scene, length_unit="m", box=box)
         np.testing.assert_allclose(found.radius, straight.radius, rtol=1e-5)
         assert len(found.contact_grain) == pytest.approx(len(straight.contact_grain), rel=0.02)
-
-
-def test_a_state_of_a_snapshot_is_the_state(straight):
-    again = state_of_snapshot(straight.snapshot())
-    for name in ("contact_grain", "contact_shift", "tangential_force", "position"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(straight, name))
-
-
-def test_a_restart_of_mercury_with_lees_edwards_boundaries(tmp_path):
-    """The image above is shifted by 42 mod 10 = 2: the two grains touch across the face, 1.9 apart."""
-    (tmp_path / "two.restart").write_text(MERCURY)
-    snapshot = import_snapshot(tmp_path / "two.restart", length_unit="mm", force_unit="N")
-    assert snapshot.cell == pytest.approx(1e-3 * np.array([[10, 2, 0], [0, 10, 0], [0, 0, 10]]))
-    assert snapshot.contacts.overlap == pytest.approx([0.1e-3])
-    assert snapshot.contacts.normal_force == pytest.approx([-3.0 * -1.0])
-    assert snapshot.contacts.normal[0] == pytest.approx([0.0, 1.0, 0.0])
 
 
 def test_a_box_may_be_text_or_numbers(table):

@@ -59,6 +59,7 @@ def test_a_header_without_a_unit_has_the_given_one(tmp_path):
     require_two_in_contact(read(file, box="4", length_unit="mm"))
     with pytest.raises(lk.InputError, match="no length unit"):
         read(file, box="4")
+    assert len(import_snapshot(file, box="4", length_unit="mm").contacts) == 1
     voxels = written(tmp_path, f"x [px],y [px],z [px],radius [px]\n{ROWS}")
     require_two_in_contact(read(voxels, box="4", length_unit="1 mm"))
 
@@ -156,6 +157,7 @@ def test_numbers_in_the_names_of_files_are_compared(tmp_path, name, differ):
         f"x y z r\n{ROWS.replace(',', ' ').replace('0.5', '5.0D-01')}",
         f"# x y z r\n{ROWS.replace(',', chr(9))}",
         f"% x y z r\n{ROWS.replace(',', '  ')}",
+        f"# by hand\n# in July\n\n# x y z r\n{ROWS.replace(',', ' ')}",
     ],
 )
 def test_tables_of_other_programs(tmp_path, text, encoding):
@@ -213,9 +215,3 @@ def test_grains_of_metres_are_imported_and_run(tmp_path, size, capsys):
     state = lk.read_state(output)
     assert state.scene.sizes.largest > 0.1 and state.radius.max() == 2.0 * size
     assert len(state.contact_grain) == 1
-
-
-def test_statistics_of_foreign_contacts_name_no_option_that_does_not_exist(tmp_path):
-    grains = written(tmp_path, f"x,y,z,r\n{ROWS}")
-    found = import_snapshot(grains, box="4", length_unit="mm")
-    assert len(found.contacts) == 1

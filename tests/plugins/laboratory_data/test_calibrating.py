@@ -6,6 +6,7 @@ from labkit.cli import main
 from labkit.plugins.laboratory_data import posterior
 from labkit.plugins.laboratory_data.posterior import posterior_of
 from labkit.plugins.laboratory_data.sampling import ALONG, Sample, append_sample, read_samples, take_sample
+from tests.plugins.laboratory_data.columns import of_columns
 
 pytest.importorskip("sklearn")
 pytest.importorskip("emcee")
@@ -30,12 +31,7 @@ def measured_test(folder):
         rows.append(f"{0.1 * along} {volume} {stress} 100")
     file = folder / "measured.txt"
     file.write_text("\n".join(rows))
-    columns = {
-        "axial_strain": ("e", "1", "compression"),
-        "volumetric_strain": ("ev", "1", "compression"),
-        "axial_stress": ("s1", "kPa", "compression"),
-        "radial_stress": ("s3", "kPa", "compression"),
-    }
+    columns = of_columns(e1="e:1", ev="ev:1", s1="s1:kPa", s3="s3:kPa")
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.1)
     return lk.read_measured(file, path, columns, void_ratio=0.75, **KINDS)
 
@@ -128,13 +124,6 @@ def test_a_sample_repeats_the_test_on_grains_and_a_calibration_resumes(tests, sh
     before = file.read_text()
     found = lk.calibrate_grains(short, samples=12, file=file, grains=100)
     assert len(found.samples) == 12 and file.read_text() == before  # nothing was left to simulate
-
-
-def test_a_fit_to_scores_ten_times_as_large_is_ten_times_as_large():
-    x = np.random.default_rng(3).uniform(size=(20, 2))
-    score, share, at = x[:, 0] + np.sin(9.0 * x[:, 1]), np.linspace(0.5, 1.0, 20), np.array([[0.2, 0.4], [0.9, 0.6]])
-    one, ten = (posterior._process(x, k * score, share).predict(at, return_std=True) for k in (1.0, 10.0))
-    np.testing.assert_allclose(ten, 10.0 * np.array(one), rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -6,14 +6,10 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.plugins.laboratory_data import preview
+from tests.plugins.laboratory_data.columns import of_columns
 
 GIVEN = {"strain_kind": "engineering", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
-COLUMNS = {
-    "axial_strain": ("eps", "%", "compression"),
-    "volumetric_strain": ("epsv", "%", "compression"),
-    "axial_stress": ("s1", "kPa", "compression"),
-    "radial_stress": ("s3", "kPa", "compression"),
-}
+COLUMNS = of_columns(e1="eps:%", ev="epsv:%", s1="s1:kPa", s3="s3:kPa")
 CR = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.2)
 ROWS = ["0,0,100,100", "1,0.2,200,100", "2,0.3,250,100", "4,0.2,280,100", "8,-0.4,270,100"]
 
@@ -54,10 +50,7 @@ def test_the_preview_says_rows_ranges_units_and_unused_columns(tmp_path):
 
 
 CASES = {
-    "second test": (
-        {"rows": [*ROWS, *ROWS]},
-        "falls from 8.338 % to 0 % in line 7: is this a second test",
-    ),
+    "second test": ({"rows": [*ROWS, *ROWS]}, "falls from 8.338 % to 0 % in line 7: is this a second test"),
     "second test, column": (
         {"rows": [f"{row},{name}" for name in "AB" for row in ROWS], "head": "eps,epsv,s1,s3,hole"},
         "Give --rows hole=A or hole=B",
@@ -156,10 +149,7 @@ CASES = {
         "path cv keeps the volume, but the volumetric strain reaches 0.4.* give the path of a drained test",
     ),
     "stresses of nothing": (
-        {
-            "rows": ["0,0,0.1,0.1", "1,0,0.2,0.1"],
-            "path": lk.paths.ConstantVolume(strain=0.2),
-        },
+        {"rows": ["0,0,0.1,0.1", "1,0,0.2,0.1"], "path": lk.paths.ConstantVolume(strain=0.2)},
         "stresses reach 0.2 kPa: is their unit right",
     ),
 }
@@ -247,28 +237,12 @@ def test_rows_beyond_the_strain_of_the_path_are_counted(tmp_path):
         read(tmp_path, ["0,0,100,100", "0,0,101,100"])
 
 
-def test_the_void_ratio_may_be_accepted(tmp_path):
-    """A bentonite may have a void ratio above 3."""
-    assert float(read(tmp_path, void_ratio=5.2, accept=True).data["void_ratio"][0]) == 5.2
-
-
 @pytest.mark.slow
 def test_the_command_prints_the_preview_and_its_errors(tmp_path, capsys):
     (tmp_path / "t.csv").write_text("\n".join(["eps;epsv;s1;s3;T", *(row.replace(",", ";") + ";20" for row in ROWS)]))
     output = str(tmp_path / "a.run.nc")
     columns = [f"{name}={':'.join(column)}" for name, column in COLUMNS.items()]
-    words = [
-        "--strain-kind",
-        "engineering",
-        "--stress-kind",
-        "effective",
-        "--source",
-        "-",
-        "--licence",
-        "-",
-        "-o",
-        output,
-    ]
+    words = [*"--strain-kind engineering --stress-kind effective --source - --licence - -o".split(), output]
 
     def tried(path, *more, columns=columns):
         code = main(["measured", path, str(tmp_path / "t.csv"), *words, "--column", *columns, *more])

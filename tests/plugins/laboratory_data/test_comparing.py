@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.cli import main
 from labkit.plugins.laboratory_data import remarks
+from tests.plugins.laboratory_data.columns import of_columns
 
 GIVEN = {"strain_kind": "logarithmic", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
-COLUMNS = {
-    "axial_strain": ("e", "1", "compression"),
-    "volumetric_strain": ("v", "1", "compression"),
-    "deviatoric_stress": ("q", "kPa", "compression"),
-    "radial_stress": ("s", "kPa", "compression"),
-}
+COLUMNS = of_columns(e1="e:1", ev="v:1", q="q:kPa", s3="s:kPa")
 PATHS = {
     "cr": lambda p, strain: lk.paths.ConstantRadialStress(pressure=p, strain=strain),
     "cp": lambda p, strain: lk.paths.ConstantMeanStress(pressure=p, strain=strain),
@@ -100,14 +95,3 @@ def test_a_path_in_steps_may_repeat_any_test(tmp_path):
     run.data.attrs["path"] = "mixed"
     run.data.attrs["path_parameters"] = "{}"
     assert "follows the path mixed" in remarks(run, test_of(tmp_path))[0]
-
-
-@pytest.mark.slow
-def test_the_command_says_what_it_compares(tmp_path, capsys):
-    files = [str(tmp_path / f"{name}.run.nc") for name in ("a", "b", "c")]
-    for file, strain, pressure in zip(files, (0.14, 0.08, 0.14), (100.0, 100.0, 300.0), strict=True):
-        lk.write_measured(test_of(tmp_path, strain=strain, pressure=pressure), file)
-    assert main(["misfit", files[1], "--measured", files[0], "--scatter", "q=1e3"]) == 0
-    assert "compared up to the strain 8 %" in capsys.readouterr().err
-    assert main(["misfit", files[2], "--measured", files[0], "--scatter", "q=1e3"]) == 2
-    assert "starts from 300 kPa" in capsys.readouterr().err

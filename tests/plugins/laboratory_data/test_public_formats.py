@@ -5,6 +5,7 @@ import pytest
 
 import labkit as lk
 from labkit.plugins.laboratory_data import preview
+from tests.plugins.laboratory_data.columns import of_columns
 
 GIVEN = {"strain_kind": "engineering", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
 STRAIN, Q = np.array([0.0, 0.5, 1.0, 2.0, 4.0]), np.array([0.0, 60.5, 82.25, 95.0, 91.75])
@@ -37,30 +38,12 @@ def gds(time=1.0):
 
 
 def of_gds(name):
-    return {
-        "axial_strain": ("Axial Strain (%)", None, "compression"),
-        "deviatoric_stress": ("Deviator Stress (kPa)", None, "compression"),
-        "mean_stress": (name, None, "compression"),
-    }
+    return of_columns(e1="Axial Strain (%)", q="Deviator Stress (kPa)", p=name)
 
 
-SEMICOLONS = {
-    "axial_strain": ("Deform_axial", "1", "compression"),
-    "deviatoric_stress": ("Sigma_d_(kPa)", "kPa", "compression"),
-    "radial_stress": ("Sigma_3_(kPa)", "kPa", "compression"),
-    "pore_pressure": ("Delta_U_(kPa)", "kPa"),
-}
-NUMBERS = {
-    "axial_strain": ("#1", "%", "compression"),
-    "deviatoric_stress": ("#2", "kPa", "compression"),
-    "pore_pressure": ("#3", "kPa"),
-    "radial_stress": ("#4", "kPa", "compression"),
-}
-GERMAN = {
-    "axial_strain": ("Axiale Dehnung", None, "compression"),
-    "deviatoric_stress": ("Deviatorspannung", None, "compression"),
-    "mean_stress": ("Mittlere effektive Spannung", None, "compression"),
-}
+SEMICOLONS = of_columns(e1="Deform_axial:1", q="Sigma_d_(kPa):kPa", s3="Sigma_3_(kPa):kPa", u="Delta_U_(kPa):kPa")
+NUMBERS = of_columns(e1="#1:%", q="#2:kPa", u="#3:kPa", s3="#4:kPa")
+GERMAN = of_columns(e1="Axiale Dehnung", q="Deviatorspannung", p="Mittlere effektive Spannung")
 FORMS = {
     "GDSLab, CSV": (
         "\r\n".join(["Project,7", "", GDS, *gds()]), "cp1252", of_gds("Eff. Cambridge p' (kPa)"), {},
@@ -79,11 +62,7 @@ FORMS = {
     "computed table with apostrophes in headers": (
         "\n".join(["Deform_axial_(%),q,p,p',Sigma'_1/Sigma'_3", *rows(",", STRAIN, Q, P + U, P, Q)]),
         "utf-8",
-        {
-            "axial_strain": ("Deform_axial_(%)", "%", "compression"),
-            "deviatoric_stress": ("q", "kPa", "compression"),
-            "mean_stress": ("p'", "kPa", "compression"),
-        },
+        of_columns(e1='Deform_axial_(%):%', q='q:kPa', p="p':kPa"),
         {},
     ),
     "no headers, byte order mark": (
@@ -108,11 +87,10 @@ FORMS = {
             ]
         ),
         "utf-8",
-        {
-            "axial_strain": ("Axial Strain (%)", "%", "tension"),
-            "deviatoric_stress": ("Deviator Stress q (kPa)", "kPa", "compression"),
-            "mean_stress": ("Mean Effective Stress p' (kPa)", "kPa", "tension"),
-        },
+        of_columns(
+            e1="Axial Strain (%):%:tension", q="Deviator Stress q (kPa):kPa",
+            p="Mean Effective Stress p' (kPa):kPa:tension",
+        ),
         {},
     ),
     "data base in ASCII, fixed width, psi": (
@@ -125,11 +103,7 @@ FORMS = {
             ]
         ),
         "ascii",
-        {
-            "axial_strain": ("Axial strain", None, "compression"),
-            "deviatoric_stress": ("Deviator stress", None, "compression"),
-            "mean_stress": ("Mean eff. stress", None, "compression"),
-        },
+        of_columns(e1="Axial strain", q="Deviator stress", p="Mean eff. stress"),
         {},
     ),
     "headers separated by blanks, rows by tabs": (
@@ -141,22 +115,13 @@ FORMS = {
             ]
         ),
         "ascii",
-        {
-            "axial_strain": ("eps1", None, "compression"),
-            "deviatoric_stress": ("q", None, "compression"),
-            "mean_stress": ("p", None, "compression"),
-            "void_ratio": ("Void ratio", None),
-        },
+        of_columns(e1="eps1", q="q", p="p", e="Void ratio"),
         {"void_ratio": None},
     ),
     "curves read from a figure": (
         "\n".join(["eps1 q p'", *(f"{e:.6e} {q:.9e} {p:.12e}" for e, q, p in zip(STRAIN, Q, P, strict=True))]),
         "ascii",
-        {
-            "axial_strain": ("eps1", "%", "compression"),
-            "deviatoric_stress": ("q", "kPa", "compression"),
-            "mean_stress": ("p'", "kPa", "compression"),
-        },
+        of_columns(e1="eps1:%", q="q:kPa", p="p':kPa"),
         {},
     ),
     "tensors of a tensile convention, Fortran": (
@@ -165,11 +130,7 @@ FORMS = {
                                 for e, u, q in zip(STRAIN, U, Q, strict=True))]
         ),
         "ascii",
-        {
-            "axial_strain": ("e33", "1", "tension"),
-            "axial_stress": ("s33", "Pa", "tension"),
-            "radial_stress": ("s11", "Pa", "tension"),
-        },
+        of_columns(e1="e33:1:tension", s1="s33:Pa:tension", s3="s11:Pa:tension"),
         {},
     ),
 }  # fmt: skip
@@ -216,7 +177,10 @@ def test_an_oedometer_test_may_unload(tmp_path):
     file.write_text(OEDOMETER, encoding="utf-8")
     columns = {"axial_stress": ("sigma_v", "kPa", "compression"), "void_ratio": ("e", "1")}
     measured = lk.read_measured(file, lk.paths.Oedometer(strain=0.5), columns, **GIVEN)
-    assert list(measured.data["void_ratio"].values) == [0.65, 0.64, 0.59, 0.59, 0.641]
+    e = np.array([0.65, 0.64, 0.59, 0.59, 0.641])
+    assert measured.data["void_ratio"].values.tolist() == e.tolist()
+    assert measured.data["axial_strain"].values == pytest.approx(np.log(1.65 / (1.0 + e)))
+    assert lk.misfit(measured, measured, {"axial_stress": 1e3, "void_ratio": 0.01})["all"] == 0.0
     said = preview(measured)
     assert "goes back by up to" in said and "not above 0 in 2 rows" in said and "not used: m, zi, faza" in said
 
@@ -233,11 +197,7 @@ ID,Sum of s'(kN/m2),Sum of t'(kN/m2),,ID,Sum of s'(kN/m2),Sum of t'(kN/m2)
 def test_two_tables_beside_each_other_ask_for_the_number_of_the_column(tmp_path):
     file = tmp_path / "pivot.csv"
     file.write_text(PIVOT)
-    columns = {
-        "axial_strain": ("#1", "1", "compression"),
-        "deviatoric_stress": ("Sum of t'(kN/m2)", None, "compression"),
-        "mean_stress": ("Sum of s'(kN/m2)", None, "compression"),
-    }
+    columns = of_columns(e1="#1:1", q="Sum of t'(kN/m2)", p="Sum of s'(kN/m2)")
     with pytest.raises(lk.InputError, match=r"columns #3 and #7: give the number of a column instead, e.g. #3"):
         lk.read_measured(file, CV, columns, void_ratio=0.7, **GIVEN)
 
@@ -256,11 +216,7 @@ def test_ags4_with_two_boreholes(tmp_path, encoding):
             for hole in ("BH1", "BH2") for e, q, u in zip(STRAIN, Q, U, strict=True)]  # fmt: skip
     file = tmp_path / "a.ags"
     file.write_bytes("".join(",".join(f'"{cell}"' for cell in row) + "\r\n" for row in [*AGS, *data]).encode(encoding))
-    columns = {
-        "axial_strain": ("CTRD_EAS", None, "compression"),
-        "deviatoric_stress": ("CTRD_DEV", None, "compression"),
-        "mean_stress": ("CTRD_MEES", None, "compression"),
-    }
+    columns = of_columns(e1="CTRD_EAS", q="CTRD_DEV", p="CTRD_MEES")
     with pytest.raises(lk.InputError, match=r"second test.*--rows LOCA_ID=BH1 or LOCA_ID=BH2"):
         lk.read_measured(file, CV, columns, void_ratio=0.7, group="CTRD", **GIVEN)
     measured = lk.read_measured(file, CV, columns, void_ratio=0.7, group="CTRD", rows={"LOCA_ID": "BH2"}, **GIVEN)
@@ -289,14 +245,12 @@ def test_cyclic_tests_below_each_other_ask_for_the_table(tmp_path):
     head = "Time (s)\tAxial strain (%)\tDeviator stress (kPa)\tMean effective stress (kPa)"
     file = tmp_path / "cyclic.txt"
     file.write_text("\n".join(["CSR 0.2", head, *table, "", "CSR 0.3", head, *table]))
-    columns = {
-        "axial_strain": ("Axial strain (%)", None, "compression"),
-        "deviatoric_stress": ("Deviator stress (kPa)", None, "compression"),
-        "mean_stress": ("Mean effective stress (kPa)", None, "compression"),
-    }
+    columns = of_columns(e1="Axial strain (%)", q="Deviator stress (kPa)", p="Mean effective stress (kPa)")
     path = lk.paths.UndrainedCycles(amplitude="40 kPa", cycles=3)
     with pytest.raises(lk.InputError, match=r"2 \(below 'CSR 0.2'\).*'CSR 0.3'.*give --header"):
         lk.read_measured(file, path, columns, void_ratio=0.7, **GIVEN)
     measured = lk.read_measured(file, path, columns, void_ratio=0.7, header=126, **GIVEN)
     assert measured.data.sizes["time"] == 121
+    assert float(measured.data.lab.cycles()[-1]) == pytest.approx(3.0, abs=0.3)
+    assert lk.misfit(measured, measured, {"r_u": 0.05})["r_u"] == 0.0 and measured.plot("cycles", data=measured)
     assert float(measured.data.lab.pore_pressure_ratio().max()) == pytest.approx(0.75, rel=1e-12)

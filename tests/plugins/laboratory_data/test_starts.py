@@ -10,7 +10,7 @@ import labkit as lk
 from labkit.cli import main
 from labkit.plugins.laboratory_data import preview
 from labkit.plugins.laboratory_data.checks import unit_findings
-from labkit.plugins.laboratory_data.units import unit_in_header
+from tests.plugins.laboratory_data.columns import of_columns
 
 GIVEN = {"strain_kind": "engineering", "stress_kind": "effective", "source": "own numbers", "licence": "CC0"}
 CR = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.2)
@@ -18,12 +18,7 @@ CV = lk.paths.ConstantVolume(strain=0.2)
 EPS = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 VOLUME = np.array([0.0, 0.1168, 0.1866, 0.0637, -0.9027])
 AXIAL = np.array([100.0, 213.6, 256.2, 292.3, 313.4])
-COLUMNS = {
-    "axial_strain": ("eps", "%", "compression"),
-    "volumetric_strain": ("epsv", "%", "compression"),
-    "axial_stress": ("s1", "kPa", "compression"),
-    "radial_stress": ("s3", "kPa", "compression"),
-}
+COLUMNS = of_columns(e1="eps:%", ev="epsv:%", s1="s1:kPa", s3="s3:kPa")
 
 
 def read(folder, path, columns, header, *values, **more):
@@ -106,12 +101,7 @@ def test_a_seating_load_is_subtracted_if_the_user_says_so(tmp_path):
 
 
 def undrained(folder, pore, radial=400.0, **more):
-    columns = {
-        "axial_strain": ("eps", "%", "compression"),
-        "deviatoric_stress": ("q", "kPa", "compression"),
-        "radial_stress": ("s3", "kPa", "compression"),
-        "pore_pressure": ("u", "kPa"),
-    }
+    columns = of_columns(e1="eps:%", q="q:kPa", s3="s3:kPa", u="u:kPa")
     q, s3 = AXIAL - 100.0, radial + 0.0 * EPS
     return read(folder, CV, columns, "eps,q,s3,u", EPS, q, s3, pore, **{"stress_kind": "total", **more})
 
@@ -167,12 +157,7 @@ SAND = Path(__file__).resolve().parents[3] / "examples/laboratory/karlsruhe_fine
 @pytest.mark.parametrize("name", ["TMD1", "TMD5", "TMD12", "TMD16", "TMD21", "TMD25"])
 def test_a_wrong_sign_is_found_in_loose_and_dense_sand(name):
     """All 25 tests of the file are found with the wrong sign, and none with the right one; six of them here."""
-    columns = {
-        "axial_strain": ("eps_a[%]", None, "compression"),
-        "volumetric_strain": ("eps_v[%]", None, "compression"),
-        "axial_stress": ("sigma_a[kPa]", None, "compression"),
-        "radial_stress": ("sigma_r[kPa]", None, "compression"),
-    }
+    columns = of_columns(e1="eps_a[%]", ev="eps_v[%]", s1="sigma_a[kPa]", s3="sigma_r[kPa]")
     pressure = {"TMD5": 400, "TMD12": 100, "TMD25": 400}.get(name, 50)
     path = lk.paths.ConstantRadialStress(pressure=f"{pressure} kPa", strain=0.25)
     known = {"rows": {"test": name}, "void_ratio": 0.8, **GIVEN}
@@ -186,71 +171,18 @@ def test_a_wrong_sign_is_found_in_loose_and_dense_sand(name):
         lk.read_measured(SAND, path, columns | {"void_ratio": ("e", "1")}, **known)
 
 
-def test_a_volume_against_the_void_ratio_is_found_when_it_is_small(tmp_path):
-    columns = {**COLUMNS, "void_ratio": ("e", "1")}
-    e = 1.7 * (1.0 - np.array([0.0, 0.1, 0.2, 0.25, 0.3]) / 100.0) - 1.0
-    header, values = "eps,epsv,s1,s3,e", (EPS, -np.array([0.0, 0.1, 0.2, 0.25, 0.3]), AXIAL, 0.0 * EPS + 100.0, e)
-    with pytest.raises(lk.InputError, match=r"void ratio is 0.6949 in line 6, but 0.7051 follows from the"):
-        read(tmp_path, CR, columns, header, *values, void_ratio=None)
-
-
 def test_the_void_ratio_gives_the_volumetric_strain(tmp_path):
     """The usual form of papers: eps_v = ln((1 + e0)/(1 + e))."""
     (tmp_path / "t.dat").write_text(
         "# eps_a e p q\n0.000 0.700 100.0 0.0\n0.010 0.690 126.0 78.0\n0.020 0.688 140.0 120.0\n"
     )
-    columns = {
-        "axial_strain": ("eps_a", "1", "compression"),
-        "void_ratio": ("e", "1"),
-        "mean_stress": ("p", "kPa", "compression"),
-        "deviatoric_stress": ("q", "kPa", "compression"),
-    }
+    columns = of_columns(e1="eps_a:1", e="e:1", p="p:kPa", q="q:kPa")
     data = lk.read_measured(tmp_path / "t.dat", CR, columns, **GIVEN).data
     np.testing.assert_allclose(data.lab.volumetric_strain().values, [0.0, 0.005900, 0.007084], atol=5e-7)
     np.testing.assert_allclose(data["void_ratio"].values, [0.7, 0.69, 0.688], rtol=1e-12)
     del columns["void_ratio"]
     with pytest.raises(lk.InputError, match=r"volumetric_strain is missing: .*, or void_ratio=HEADER:1"):
         lk.read_measured(tmp_path / "t.dat", CR, columns, void_ratio=0.7, **GIVEN)
-
-
-@pytest.mark.parametrize(
-    ("header", "unit"),
-    [("stress(1)", None), ("stran(1)", None), ("s (1)", None), ("c_s[1]", None), ("statev(1)", None), ("E_1", None),
-     ("eps [1]", "1"), ("e [-]", "-"), ("eps(%)", "%")],
-)  # fmt: skip
-def test_an_index_is_no_unit(header, unit):
-    assert unit_in_header(header) == unit
-
-
-def test_the_output_of_the_incremental_driver_is_read(tmp_path):
-    (tmp_path / "t.out").write_text(
-        "  time(1)  stran(1)  stran(2)  stress(1)  stress(2)\n 0.0 0.0 0.0 -100.0 -100.0\n"
-        " 1.0 -0.01 0.004 -200.0 -100.0\n"
-        " 2.0 -0.02 0.007 -260.0 -100.0\n"
-    )
-    columns = {
-        "axial_strain": ("stran(1)", "1", "tension"),
-        "axial_stress": ("stress(1)", "kPa", "tension"),
-        "radial_stress": ("stress(2)", "kPa", "tension"),
-    }
-    data = lk.read_measured(
-        tmp_path / "t.out", CV, columns, void_ratio=0.7, **{**GIVEN, "strain_kind": "logarithmic"}
-    ).data
-    np.testing.assert_allclose(data["stress"].values[:, 2, 2], [100e3, 200e3, 260e3])
-
-
-def test_doubled_separators_are_read(tmp_path):
-    (tmp_path / "t.dat").write_text(
-        "#\t\te_a\t\tp\t\tq\t\tn\n0.0\t\t100.0\t\t0.0\t\t0.40\t\n0.01\t\t140.0\t\t60.0\t\t0.394\t\n0.02\t\t190.0\t\t110.0\t\t0.388\t\n"
-    )
-    columns = {
-        "axial_strain": ("e_a", "1", "compression"),
-        "mean_stress": ("p", "kPa", "compression"),
-        "deviatoric_stress": ("q", "kPa", "compression"),
-    }
-    data = lk.read_measured(tmp_path / "t.dat", lk.paths.Oedometer(strain=0.1), columns, void_ratio=0.667, **GIVEN).data
-    np.testing.assert_allclose(data.lab.mean_stress().values, [100e3, 140e3, 190e3])
-    np.testing.assert_allclose(data.lab.q().values, [0.0, 60e3, 110e3], atol=1e-6)
 
 
 AGS = """"GROUP","CTRD"
@@ -262,11 +194,7 @@ AGS = """"GROUP","CTRD"
 
 
 def test_structure_that_stands_twice_in_ags4_is_refused(tmp_path):
-    columns = {
-        "axial_strain": ("CTRD_AXST", None, "compression"),
-        "deviatoric_stress": ("CTRD_DEVS", None, "compression"),
-        "mean_stress": ("CTRD_MEFS", None, "compression"),
-    }
+    columns = of_columns(e1="CTRD_AXST", q="CTRD_DEVS", p="CTRD_MEFS")
     once, twice = AGS.format("CTRD_X"), AGS.format("CTRD_DEVS")
     cases = {
         once: None,

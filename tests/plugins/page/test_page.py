@@ -1,6 +1,5 @@
 """The page in Chromium, served by this computer without a network, and its files on the desktop."""
 
-import os
 import threading
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 import labkit as lk
 from labkit.plugins.page.server import serve
-from labkit.plugins.page.site import wheel_for_browsers, write_site
+from labkit.plugins.page.site import write_site
 
 pytestmark = [pytest.mark.long, pytest.mark.slow, pytest.mark.browser]
 PHONE = {"width": 390, "height": 800}
@@ -16,12 +15,9 @@ SHORT = lk.paths.ConstantMeanStress(strain=0.004, pressure=2e5)
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    pyodide = os.environ.get("LABKIT_PYODIDE")
-    if not pyodide:
-        pytest.skip("LABKIT_PYODIDE names no folder with Pyodide and its NumPy: see CONTRIBUTING.md")
+def address(tmp_path_factory, pyodide, browser_wheel):
     folder = tmp_path_factory.mktemp("page")
-    write_site(folder, wheel_for_browsers(), pyodide)
+    write_site(folder, browser_wheel, pyodide)
     with serve(folder, 0) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/"
@@ -112,6 +108,11 @@ def test_hostile_inputs_are_refused_in_one_sentence(page, state, tmp_path):
     for name, said in (("damaged.npz", "damaged"), ("s.state.nc", "HDF5")):
         load_state(page, tmp_path / name)
         assert said in page.inner_text("#error") and "\n" not in page.inner_text("#error").strip()
+    most = page.evaluate("site.upload.most")
+    page.evaluate("site.upload.most = 10")
+    load_state(page, tmp_path / "s.state.npz")
+    assert "too large" in page.inner_text("#error") and most > (tmp_path / "s.state.npz").stat().st_size
+    page.evaluate(f"site.upload.most = {most}")
 
 
 def test_pauses_goes_on_and_is_reopened_after_its_tab_was_closed(page, browser, address):
@@ -119,10 +120,13 @@ def test_pauses_goes_on_and_is_reopened_after_its_tab_was_closed(page, browser, 
     page.click("#go_on")
     page.wait_for_selector("#end:enabled")
     page.click("#pause")
-    page.wait_for_function("document.getElementById('pause').textContent === 'Continue'")
+    late_row = "listen({ row: runs.at(-1).at(-1), number: runs.at(-1).length - 1 })"  # was on its way
+    page.evaluate(late_row)
+    assert page.inner_text("#pause") == "Continue"
     page.click("#pause")
     page.click("#end")
-    page.wait_for_selector("#run:enabled")
+    page.evaluate(late_row)
+    assert page.is_disabled("#end") and page.is_enabled("#go_on")
     other = browser(viewport=PHONE)
     other.goto(address)
     other.wait_for_selector("#status[data-ready]")

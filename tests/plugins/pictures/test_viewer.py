@@ -95,6 +95,14 @@ def test_a_browser_draws_grains_and_forces(page, browser):
     assert half < both and half < grains and letters == [True, True, True]
 
 
+def test_a_browser_without_webgl_says_so_and_takes_snapshots(page, browser):
+    tab = browser()
+    tab.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    tab.goto(page.as_uri())
+    tab.evaluate("window.onmessage({ source: parent, data: { snapshot: RUN.snapshots[0] } })")
+    assert "WebGL" in tab.inner_text("#caption")
+
+
 def test_refuses_what_it_cannot_show(run_file):
     with pytest.raises(lk.InputError, match="no snapshot with positions"):
         Viewer([])

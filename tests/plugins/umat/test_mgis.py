@@ -120,25 +120,6 @@ def test_prediction_operator_start_and_failure(model, behaviour):
     assert code == -1 and rdt == 0.25 and message.startswith(b"labkit: status")
 
 
-def test_mgis_loads_the_behaviour(model, shared_library):
-    mgis = pytest.importorskip("mgis.behaviour", reason="no Python bindings of MGIS: docs/umat.md builds them")
-    law = mgis.load(str(shared_library), "labkit", mgis.Hypothesis.TRIDIMENSIONAL)
-    assert [variable.name for variable in law.isvs] == ["e", "Z", "Lambda", "A", "F", "Ft"]
-    rng = np.random.default_rng(1)
-    states, increments = random_states(rng, 50), random_increments(rng, 50, 1e-4)
-    points = mgis.MaterialDataManager(law, 50)
-    for name, value in properties(model).items():
-        for side in (points.s0, points.s1):
-            mgis.setMaterialProperty(side, name, value)
-    points.s0.internal_state_variables[:] = [tfel(y) for y in states]
-    points.s1.gradients[:] = -increments[:, ORDER]
-    assert mgis.integrate(points, mgis.IntegrationType.INTEGRATION_CONSISTENT_TANGENT_OPERATOR, 0.0, 0, 50) == 1
-    expected = update(model, states, increments).require()
-    size = np.abs(expected.stress).max()
-    np.testing.assert_allclose(points.s1.thermodynamic_forces, -expected.stress[:, ORDER], atol=1e-9 * size)
-    np.testing.assert_allclose(points.s1.internal_state_variables, [tfel(y) for y in expected.state], atol=1e-11)
-
-
 @pytest.mark.parametrize("name", PATHS)
 def test_a_path_in_mgis(model, shared_library, name):
     mgis = pytest.importorskip("mgis.behaviour", reason="no Python bindings of MGIS: docs/umat.md builds them")

@@ -16,7 +16,7 @@ function field(group, { name, words, help, unit, choices, default: standard }) {
 
 function show_parameters() {  // of the chosen path
   const path = site.paths[element("path").value];
-  element("summary").textContent = path.summary.replaceAll("`", "");
+  element("summary").textContent = path.summary;
   element("parameters").innerHTML = path.fields.map((one) => field("path", one)).join("");
 }
 
@@ -93,7 +93,6 @@ function enable(over) {  // buttons for a test that is over, or that runs
   finished = over;
   element("run").disabled = false;
   element("pause").disabled = element("end").disabled = over;
-  element("pause").textContent = "Pause";
   for (const id of ["go_on", "records", "run_file", "state_file"]) element(id).disabled = !runs.at(-1)?.length;
   if (opened) element("go_on").disabled = element("state_file").disabled = !over;
 }
@@ -102,6 +101,7 @@ async function begin(call) {
   element("error").hidden = true;
   document.querySelectorAll(".wrong").forEach((label) => label.classList.remove("wrong"));
   enable(false);
+  element("pause").textContent = "Pause";
   running = call === "start" ? JSON.stringify(chosen()) : "";
   ask(call, chosen(), ...(running === asked ? [await bytes(specimen)] : []));
 }
@@ -112,7 +112,7 @@ function listen(data) {
   if (data.ready) { enable(true); element("status").dataset.ready = data.ready; say("ready"); }
   if (data.status) say(data.status, data.done);
   if (data.panels) { [panels, made] = [data.panels, true]; runs = [...runs.filter((rows) => rows.length).slice(-3), []]; show_panels(data.note); }
-  if (data.row) { runs.at(-1)[data.number] = data.row; enable(false); schedule(); }
+  if (data.row) { runs.at(-1)[data.number] = data.row; enable(finished); schedule(); }
   if (data.snapshot) {
     element("viewer").contentWindow.postMessage({ common: data.common, snapshot: data.snapshot }, "*");
     element("rose").hidden = false;
@@ -177,11 +177,14 @@ async function start() {
   element("pause").onclick = ({ target }) => { ask(target.textContent === "Pause" ? "pause" : "resume"); target.textContent = target.textContent === "Pause" ? "Continue" : "Pause"; };
   element("end").onclick = () => { if (made) { ask("end"); enable(true); } else { say("loading Python again"); open_worker(); } };
   for (const call of ["records", "run_file", "state_file"]) element(call).onclick = () => ask(call);
-  element("state").onchange = async ({ target }) => { 
-    if (target.files[0]) { element("error").hidden = true; ask("open_state", new Uint8Array(await target.files[0].arrayBuffer())); }
+  element("state").onchange = async ({ target }) => {
+    const [file] = target.files;
+    element("error").hidden = true;
+    if (file?.size > site.upload.most) fail(site.upload.refusal);
+    else if (file) ask("open_state", new Uint8Array(await file.arrayBuffer()));
     target.value = "";
   };
   window.onbeforeunload = (event) => { if (!finished) event.preventDefault(); };
   open_worker();
 }
-start();
+start().catch(() => fail("This page works only from a web server, such as that of the command labkit page.", true));

@@ -32,13 +32,13 @@ function plot(panel, runs) {  // the SVG of a panel; the last run is drawn in co
   for (const t of ticks(x0, x1)) out += `<path d="M${X(t)} ${TOP}V${BOTTOM}" stroke="#eef1f4"/><text x="${X(t)}" y="${BOTTOM + 14}" text-anchor="middle">${t}</text>`;
   for (const t of ticks(y0, y1)) out += `<path d="M${LEFT} ${Y(t)}H${RIGHT}" stroke="#eef1f4"/><text x="${LEFT - 5}" y="${Y(t) + 4}" text-anchor="end">${t}</text>`;
   out += `<path d="M${LEFT} ${TOP}V${BOTTOM}H${RIGHT}" fill="none" stroke="#8b97a3"/>`;
-  runs.forEach((rows, n) => panel.curves.forEach(({ key }, k) => {
-    const [color, dash] = LOOKS[k], last = n === runs.length - 1, d = curve(rows, panel.x, key, X, Y);
+  runs.forEach((rows, n) => panel.curves.forEach(({ key, look }) => {
+    const [color, dash] = LOOKS[look], last = n === runs.length - 1, d = curve(rows, panel.x, key, X, Y);
     out += `<path d="${d}" fill="none" stroke="${last ? color : "#b9c2cb"}" stroke-width="${last ? 2 : 1.4}" stroke-dasharray="${dash}"/>`;
   }));
   const now = runs.at(-1).at(-1);
-  if (now) panel.curves.forEach(({ key }, k) => {
-    if (now[panel.x] !== null && now[key] !== null) out += `<circle cx="${X(now[panel.x])}" cy="${Y(now[key])}" r="3.2" fill="${LOOKS[k][0]}"/>`;
+  if (now) panel.curves.forEach(({ key, look }) => {
+    if (now[panel.x] !== null && now[key] !== null) out += `<circle cx="${X(now[panel.x])}" cy="${Y(now[key])}" r="3.2" fill="${LOOKS[look][0]}"/>`;
   });
   const label = `<text x="${(LEFT + RIGHT) / 2}" y="${HIGH - 8}" text-anchor="middle">${escaped(panel.x_axis)}</text>`;
   return `<svg viewBox="0 -16 ${WIDE} ${HIGH + 16}" role="img" aria-label="${escaped(panel.title)}">`
@@ -47,17 +47,15 @@ function plot(panel, runs) {  // the SVG of a panel; the last run is drawn in co
 
 function legend(panel) {
   const shown = panel.curves.filter((one) => one.legend);
-  return shown.map((one, k) => `<span><i style="border-top: 2.5px ${["solid", "dashed", "dotted"][k]} ${LOOKS[k][0]}"></i>${escaped(one.legend)}</span>`).join("");
+  return shown.map(({ look, legend }) => `<span><i style="border-top: 2.5px ${["solid", "dashed", "dotted"][look]} ${LOOKS[look][0]}"></i>${escaped(legend)}</span>`).join("");
 }
 
 function drawn_rose({ density, fit }) {  // angles from z (up) towards x (right); the other half is the same
   const most = Math.max(1.5, ...density, ...fit), scale = 105 / most, [cx, cy] = [180, 128];
   const at = (angle, size) => `${(cx + size * scale * Math.sin(angle)).toFixed(1)} ${(cy - size * scale * Math.cos(angle)).toFixed(1)}`;
   let out = "";
-  for (const ring of ticks(0, most).filter((t) => t > 0)) {
-    out += `<circle cx="${cx}" cy="${cy}" r="${ring * scale}" fill="none" stroke="${ring === 1 ? "#8b97a3" : "#e3e8ed"}"/>`;
-    out += `<text x="${cx + 3}" y="${cy + ring * scale - 3}" fill="#5b6875">${ring}</text>`;
-  }
+  const rings = ticks(0, most).filter((t) => t > 0);
+  for (const ring of rings) out += `<circle cx="${cx}" cy="${cy}" r="${ring * scale}" fill="none" stroke="${ring === 1 ? "#8b97a3" : "#e3e8ed"}"/>`;
   const width = Math.PI / density.length;
   for (const half of [0, Math.PI]) density.forEach((size, k) => {
     const [a, b] = [half + k * width, half + (k + 1) * width];
@@ -65,6 +63,7 @@ function drawn_rose({ density, fit }) {  // angles from z (up) towards x (right)
   });
   const whole = [...fit, ...fit.slice(1)], step = Math.PI / (fit.length - 1);
   out += `<path d="${whole.map((size, k) => `${k ? "L" : "M"}${at(k * step, size)}`).join("")}" fill="none" stroke="#c8402f" stroke-width="2"/>`;
+  for (const ring of rings) out += `<text x="${cx + 0.7 * ring * scale}" y="${cy + 0.7 * ring * scale}" class="ring">${ring}</text>`;
   return out + `<text x="${cx}" y="14" text-anchor="middle">z</text><text x="${cx + 118}" y="${cy + 4}">x</text>`
     + `<text x="6" y="250" fill="#5b6875">1: as if all directions were alike</text>`;
 }

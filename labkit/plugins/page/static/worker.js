@@ -9,6 +9,7 @@ async function bytes(file) {
 }
 
 async function open({ pyodide, wheel }) {
+  if (!wheel) throw new Error("This page was written without labkit for browsers: the command labkit page -o FOLDER writes all of it.");
   importScripts(pyodide + "pyodide.js");
   const labkit = bytes(wheel);
   python = await loadPyodide({ indexURL: pyodide });
@@ -24,6 +25,6 @@ onmessage = async ({ data: { call, given = [] } }) => {
     const answer = await bench[call](...given.map((one) => python.toPy(one)));
     if (answer !== undefined) postMessage({ answer: answer.toJs ? answer.toJs() : answer, call });
   } catch (error) {  // the last line of a Python traceback says what happened
-    postMessage({ error: String(error.message || error).trim().split("\n").at(-1), finished: true, fatal: !bench });
+    postMessage({ error: String(error.message || error).trim().split("\n").at(-1), finished: Boolean(bench), fatal: !bench });
   }
 };
