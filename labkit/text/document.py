@@ -27,10 +27,7 @@ Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines; `folder` contains the file, and file names are relative to it.
-
-    `files` are the further files that were read.
-    """
+    """The errors in a file, with their lines; `files` are further files that were read, relative to its `folder`."""
 
     def __init__(self, folder: Path) -> None:
         """Start without errors."""

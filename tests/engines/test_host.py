@@ -444,5 +444,5 @@ def test_a_quote_without_its_partner_in_the_environment_is_said(monkeypatch):
     with pytest.raises(build.CannotCompile, match=r"CXX=.* has a quote without its partner"):
         build.compiler()
     monkeypatch.setenv(followers.LAUNCHER, "srun 'x")
-    with pytest.raises(InputError, match=rf"{followers.LAUNCHER}=.* has a quote without its partner"):
+    with pytest.raises(lk.InputError, match=rf"{followers.LAUNCHER}=.* has a quote without its partner"):
         followers.launcher()
