@@ -137,7 +137,7 @@ def test_path_files_their_tables_and_sieve_curves_are_inputs(soft_specimen, labk
     (tmp_path / "t.csv").write_text("strain_zz [%]\n0\n0.1\n")
     (tmp_path / "curve.csv").write_text("diameter_mm,passing_percent\n0.1,0\n0.2,100\n")
     run = ["run", "p.yaml", "s.state.nc", "--settings", "quick", "-o", "r.run.nc"]
-    made = ["specimen", "--void-ratio", 0.7, "--grains", 100, "--grading", "curve.csv", "-o", "c.state.nc"]
+    made = ["specimen", "--void-ratio", 0.6, "--grains", 150, "--grading", "curve.csv", "-o", "c.state.nc"]
     for words, output, inputs in (
         (run, "r.run.nc", ["s.state.nc", "p.yaml", "t.csv"]),
         (made, "c.state.nc", ["curve.csv"]),
