@@ -13,7 +13,6 @@ loaded if it has an entry point in the group `labkit.extensions` that names its 
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import importlib
 import inspect
@@ -75,6 +74,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         taken = self._entries.setdefault(name, place)
         if taken != place:
             raise self._name_error(name)
+
+    def forget(self, file: str) -> None:
+        """Remove the entries that a user's file has registered."""
+        mine = [name for name, entry in self._entries.items() if _origin(entry).startswith(f"{file}:")]
+        for name in mine:
+            del self._entries[name]
 
     def _name_error(self, name: str) -> InputError:
         return InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
@@ -177,23 +182,10 @@ def load_extensions() -> None:
 
     for point in entry_points(group=GROUP):
         try:
-            with _all_or_nothing():
-                point.load()
+            point.load()
         except Exception as error:
             problem = f"the installed extension {point.value} cannot be loaded ({type(error).__name__}: {error})"
             raise InputError(f"{problem}: repair or uninstall it") from error
-
-
-@contextlib.contextmanager
-def _all_or_nothing() -> Iterator[None]:
-    """Context that takes back what was registered in it if it ends with an error."""
-    before = [(registry, dict(registry._entries)) for registry in Registry.every]
-    try:
-        yield
-    except BaseException:
-        for registry, entries in before:
-            registry._entries = entries
-        raise
 
 
 def _load(file: str) -> None:
@@ -212,9 +204,10 @@ def _load(file: str) -> None:
     sys.modules[name] = types.ModuleType(name)
     sys.modules[name].__file__ = file
     try:
-        with _all_or_nothing():
-            exec(compile(source, file, "exec"), vars(sys.modules[name]))  # no .pyc file is read or written
+        exec(compile(source, file, "exec"), vars(sys.modules[name]))  # no .pyc file is read or written
     except BaseException as error:
+        for registry in Registry.every:
+            registry.forget(file)
         del sys.modules[name]
         if isinstance(error, InputError):
             raise InputError(f"is refused: {error}", field="use", value=file) from error
