@@ -20,7 +20,7 @@ import warnings
 from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
-from labkit.errors import InputError, instead_of
+from labkit.errors import InputError, LabkitWarning, instead_of
 from labkit.units import UNITS, plain_unit
 
 Given = TypeVar("Given")
@@ -341,4 +341,5 @@ def warn_of_doubt(doubt: InputError | None, created: object = None, depth: int =
     module = str(frame.f_globals.get("__name__"))
     if module.partition(".")[0] not in ("labkit", "dataclasses", "copy"):
         place = frame.f_code.co_filename, frame.f_lineno, module
-        warnings.warn_explicit(str(doubt), UserWarning, *place, frame.f_globals.setdefault("__warningregistry__", {}))
+        registry = frame.f_globals.setdefault("__warningregistry__", {})
+        warnings.warn_explicit(str(doubt), LabkitWarning, *place, registry)

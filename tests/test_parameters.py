@@ -313,7 +313,7 @@ def test_lists_of_numbers(value):
     assert all(type(x) is float for x in path.reversals)
 
 
-@pytest.mark.parametrize("value", [0.01, None, "up,down", ["up"], [None], [], "", [math.nan], [0.01, 0.02], [3.0]])
+@pytest.mark.parametrize("value", [0.01, None, "up,down", ["up"], [None], [], "", [math.nan], [0.01, 0.02], "300 %"])
 def test_values_that_are_not_strains_are_refused(value):
     assert refused(CyclicConstantMeanStress, reversals=value, pressure=1e5).field == "reversals"
 

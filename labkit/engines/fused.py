@@ -250,7 +250,7 @@ class FusedEngine(Engine):
     def _free(self) -> None:
         """Move work and losses to the ledger, and free the arrays, before new ones are allocated."""
         self._enter_flows()
-        self._packing = self._exchange = None
+        self._packing = self._exchange = self._bodies = None
         vars(self).pop("_loop", None)
 
     def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:

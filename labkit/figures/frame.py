@@ -94,7 +94,7 @@ def plain(text: str) -> str:
 def describe_run(run: xarray.Dataset) -> str:
     """Return name, loading path, number of grains and engine of a run, in one line."""
     engine = run.attrs.get("engine")
-    parts = [f"path {run.attrs.get('path', 'unknown')}"]
+    parts = [f"path {run.attrs.get('path', 'unknown')}", *filter(None, [run.attrs.get("shown_steps")])]
     if engine == "model":
         parts.append("constitutive model")
     else:

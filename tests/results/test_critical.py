@@ -85,10 +85,15 @@ def test_nothing_left_is_an_error_that_names_each_run(files):
 
 def test_the_command_averages_only_the_runs_that_reach_a_critical_state(files, model_file, labkit_command, tmp_path):
     done = labkit_command("critical", *files.values(), model_file, "-o", tmp_path / "all.png")
-    alone = labkit_command("critical", *(files[name] for name in LONG), "-o", tmp_path / "alone.png")
+    alone = labkit_command(
+        "critical", *(files[name] for name in LONG), "-o", tmp_path / "alone.png", "--csv", tmp_path / "e.csv"
+    )
     assert done.returncode == alone.returncode == 0, done.stderr
     average, with_more = (re.findall("^mean M of all.*", one.stdout, re.MULTILINE) for one in (alone, done))
     assert average and average == with_more
+    table = pandas.read_csv(tmp_path / "e.csv")
+    np.testing.assert_allclose(table["e_c"], table["e"], rtol=1e-5)  # a line through two tests, without an interval
+    assert table["e_c_within"].isna().all() and "2 tests of 2 specimens" in alone.stdout
     assert done.stdout.count("left out: ") == 4 and "left out: short: ends at 4.00% axial strain" in done.stdout
     refused = labkit_command("critical", files["short"], "-o", tmp_path / "none.png")
     assert refused.returncode == 2 and len(refused.stderr.strip().splitlines()) == 1

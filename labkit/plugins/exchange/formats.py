@@ -25,6 +25,8 @@ TABLE = "labkit does not read it: export the grains as a table of x y z radius"
 NOT_READ = {  # first characters of a file -> what it is, and what to give
     r"---\s{1,9}(creator|timestep|time|units|natoms):": "a LAMMPS dump in YAML: write it with dump custom",
     r"(//[^\n]*\s{1,9}){0,9}Begin [A-Z]": f"a Kratos model part, {TABLE}",
+    r"LammpS RestartT": "a binary restart file of LAMMPS: write a data file with lmp -restart2data",
+    r"Number of particles =": f"a configuration of AtomEye, {TABLE}",
     r"LSMGenGeo|LSMGeometry": f"a geometry of ESyS-Particle, {TABLE}",
     r"\s{0,99}(<|\{|\[\s{0,9}\{)": f"XML, HTML or JSON, {TABLE}",
 }
