@@ -244,7 +244,7 @@ def critical_line(states: pandas.DataFrame, exponent: float = EXPONENT) -> Criti
     if missing := {"p_MPa", "e"} - set(states):
         raise InputError(f"the table has no column {min(missing)}: give the result of labkit.critical_states")
     p, e = (pandas.to_numeric(states[name], "coerce").to_numpy(dtype=float) for name in ("p_MPa", "e"))
-    p *= 1e6
+    p = 1e6 * p
     if not (np.isfinite(e) & np.isfinite(p) & (p > 0.0)).all():
         raise InputError("a critical-state line needs tests with a positive p: leave out those without one")
     if p.max() < LEAST_RANGE * p.min():
