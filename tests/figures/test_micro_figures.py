@@ -168,7 +168,7 @@ def test_tables_of_simple_shear_have_the_shear_strain(soft_specimen):
     path = labkit.paths.SimpleShearConstantVolume(strain=0.01, rate=100.0)
     run = labkit.run(soft_specimen, path, progress=False, record_strain=5e-3, snapshots=2).data
     gamma = run.lab.strain().values
-    assert gamma[-1] == pytest.approx(0.01, rel=1e-3) and abs(run["axial_strain"].values).max() < 1e-9
+    assert gamma[-1] == pytest.approx(0.01, rel=1e-3) and abs(run["axial_strain"].values).max() < 1e-4
     assert labkit.Run(run).plot("shares") is not None
     for figure in ("shares", "budget", "groups"):
         table = FIGURES[figure](run)[1]
