@@ -2,7 +2,7 @@
 
     python -m benchmarks.ranks s.state.nc --copies 2 2 2 --ranks 2 3 4 2x2    # 2x2: two ranks of two threads
     python -m benchmarks.ranks s.state.nc --some                              # each law on one path and number of ranks
-    python -m benchmarks.ranks s.state.nc --copies 2 2 2 --speed 200          # the time of a step, 200 rounds
+    python -m benchmarks.ranks s.state.nc --copies 2 2 2 --speed 200          # times of steps and records
 
 Each run of `fused` on ranks is compared with one on one thread: all variables of the run file, with snapshots and
 checkpoint. The specimen is taken under each law, with random velocities, so that its copies differ.
@@ -89,9 +89,9 @@ def run_to(file: Path, state: State, path: StrainPath, engine: Device, steps: in
     )
 
 
-def cases(some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
+def cases(laws: list[str], some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
     """Yield law, path and numbers of ranks; with `some`, one path and one number of ranks for each law."""
-    for number, law in enumerate(LAWS):
+    for number, law in enumerate(laws):
         for place, path in enumerate(PATHS):
             if not some or place == number % len(PATHS):
                 turn = (number + number // len(PATHS)) % len(ranks)
@@ -99,22 +99,33 @@ def cases(some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
 
 
 def speed(state: State, steps: int, rounds: int) -> None:
-    """Print the time of a step in CV shear on threads and ranks of two cores, measured alternately.
+    """Print the time of a step in CV shear, and of a State for a record, on threads and ranks of two cores.
 
-    The least of many short measurements is nearly that of a quiet computer; the ratio to one thread is of these.
+    The least of many short measurements, taken alternately, is nearly that of a quiet computer.
     """
-    devices = {"1 thread": lk.Fused(), "2 threads": lk.Fused(threads=2), "2 ranks": lk.Fused(ranks=2)}
+    devices: dict[str, Device] = {
+        "1 thread": lk.Fused(),
+        "2 threads": lk.Fused(threads=2),
+        "2 ranks": lk.Fused(ranks=2),
+    }
+    devices |= {"lammps, 2": Device("lammps", ranks=2)}
     engines = {name: device(state) for name, device in devices.items()}
     gradient = prescribed_gradient(ConstantVolume(RATE), state.time_step)
-    seconds: dict[str, list[float]] = {name: [] for name in engines}
+    seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in engines}
     for _ in range(rounds):
         for name, engine in engines.items():
             begin = time.perf_counter()
             engine.advance(steps, gradient)
-            seconds[name].append((time.perf_counter() - begin) / steps)
+            middle = time.perf_counter()
+            engine.state()
+            seconds[name].append(((middle - begin) / steps, time.perf_counter() - middle))
     for name, values in seconds.items():
-        least, single = min(values), min(seconds["1 thread"])
-        print(f"{state.number_of_grains} grains, {name:10} {1e3 * least:8.3f} ms, {single / least:.2f} times 1 thread")
+        step, record = np.min(values, axis=0)
+        single = min(values for values, _ in seconds["1 thread"])
+        print(
+            f"{state.number_of_grains} grains, {name:10} {1e3 * step:8.3f} ms a step, {single / step:.2f} times "
+            f"1 thread, {1e3 * record:6.1f} ms a State"
+        )
 
 
 def main() -> None:
@@ -123,16 +134,17 @@ def main() -> None:
     parser.add_argument("specimen")
     parser.add_argument("--copies", nargs=3, type=int, default=[1, 1, 1])
     parser.add_argument("--ranks", nargs="+", default=["2", "3", "4", "2x2"])
+    parser.add_argument("--laws", nargs="+", default=list(LAWS))
     parser.add_argument("--steps", type=int, default=300, help="time steps of a run")
     parser.add_argument("--some", action="store_true", help="each law on one path and one number of ranks")
-    parser.add_argument("--speed", type=int, metavar="ROUNDS", help="measure the time of a step instead")
+    parser.add_argument("--speed", type=int, metavar="ROUNDS", help="measure times instead")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     specimen, wrong = copies(lk.read_state(asked.specimen), asked.copies), 0
     if asked.speed:
         return speed(specimen, asked.steps, asked.speed)
     with tempfile.TemporaryDirectory() as place:
-        for law, name, numbers in cases(asked.some, asked.ranks):
+        for law, name, numbers in cases(asked.laws, asked.some, asked.ranks):
             state = shaken(under(law, specimen), seed=1)
             strain = RATE * state.time_step * asked.steps
             extent = {} if name == "undrained_cycles" else {"strain": strain}

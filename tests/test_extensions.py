@@ -237,7 +237,7 @@ BROKEN = {
     "syntax": ("def f(:\n", "cannot be loaded (SyntaxError: "),
     "import": ("import nothing_of_that_name\n", "(bad.py line 1: ModuleNotFoundError: "),
     "exit": ("raise SystemExit(3)\n", "(bad.py line 1: SystemExit: 3)"),
-    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "name cv "),
+    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "is refused: name cv "),
     "name of a law": (MINE.replace('"tired"', '"rolling_resistance"'), "rolling_resistance "),
     "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is already the"),
     "name of a quantity": (MINE.replace('"largest_force", long', '"r_u", long'), "name r_u is already the name of a"),

@@ -135,12 +135,7 @@ def records_of(run: lk.Run, ended: str = "") -> Records:
         found.append(candidates_of(snapshot, run.scene, since))
         if k + 1 < len(section) and section[k + 1] > number:
             since, number = pairs_of(snapshot), section[k + 1]
-    names = {
-        "stress": "stress",
-        "A": "contact_anisotropy",
-        "F": "normal_force_anisotropy",
-        "Ft": "mobilisation",
-    }
+    names = {"stress": "stress", "A": "contact_anisotropy", "F": "normal_force_anisotropy", "Ft": "mobilisation"}
     columns = {key: to_six(symmetric(data[name].values[chosen])) for key, name in names.items()}
     columns |= {"strain": strain[chosen], "along": along[chosen], "section": section[chosen]}
     scalars = {"e": "void_ratio_nominal", "Z": "coordination_number", "Lambda": "mean_normalised_force"}

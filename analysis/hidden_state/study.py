@@ -98,11 +98,7 @@ class HiddenState(Study):
         return tables
 
     def figures(self, data: list[Test], tables: StoredTables) -> Figures:
-        return {
-            "state": state_figure(tables),
-            "law": law_figure(tables),
-            "fabric": fabric_figure(tables["fabric"]),
-        }
+        return {"state": state_figure(tables), "law": law_figure(tables), "fabric": fabric_figure(tables["fabric"])}
 
     def numbers(self, tables: StoredTables) -> Values:
         rates = tables["rates"].query("density == 'all'").set_index("rate")

@@ -20,17 +20,7 @@ from analysis.critical_state.ends import TENSORS
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.micro import deviator, equivalent_stress, lode_angle, mean_stress
-from labkit.model import (
-    Adaptive,
-    ConstitutiveLaw,
-    Failure,
-    Model,
-    ModelState,
-    Point,
-    Problem,
-    RateLaw,
-    strain_control,
-)
+from labkit.model import Adaptive, ConstitutiveLaw, Failure, Model, ModelState, Point, Problem, RateLaw, strain_control
 from labkit.paths import Path, Steps, increments, make_path, path_of
 
 REPEATED = "another packing"

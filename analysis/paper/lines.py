@@ -119,12 +119,7 @@ Line = Callable[[np.ndarray, pandas.DataFrame], ArrayLike]
 LINES: dict[str, tuple[tuple[str, ...], Fit, Line, str]] = {
     "e(p)": (("e0", "a", "b"), e_p_line, lambda x, t: x[0] - x[1] * t["p_MPa"] ** x[2], "e"),
     "Z(e)": (CriticalLines._fields, both_lines, lambda x, t: critical_Z(t["e"], CriticalLines(*x)), "Z"),
-    "Lambda(e)": (
-        CriticalLines._fields,
-        both_lines,
-        lambda x, t: critical_Lambda(t["e"], CriticalLines(*x)),
-        "Lambda",
-    ),
+    "Lambda(e)": (CriticalLines._fields, both_lines, lambda x, t: critical_Lambda(t["e"], CriticalLines(*x)), "Lambda"),
 }
 
 

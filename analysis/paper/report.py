@@ -117,12 +117,7 @@ def pieces(folder: Path) -> dict[str, Callable[..., Any]]:
 
 
 def csv_table(
-    folder: Path,
-    name: str,
-    label: str,
-    columns: Mapping[str, str] | None = None,
-    fold: bool = False,
-    by: str = TABLES,
+    folder: Path, name: str, label: str, columns: Mapping[str, str] | None = None, fold: bool = False, by: str = TABLES
 ) -> str:
     """A CSV file as a table, coloured by verdict; if it is missing, a note naming the command that writes it.
 

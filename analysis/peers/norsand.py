@@ -12,14 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from analysis.peers.invariants import (
-    ATMOSPHERE,
-    HOLD,
-    ON_SURFACE,
-    cos_three_theta,
-    cos_three_theta_slope,
-    direction_of,
-)
+from analysis.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, cos_three_theta_slope, direction_of
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import IDENTITY, Six, contract, deviatoric_part, elastic_stress, norm, put_six, six_at, trace

@@ -22,7 +22,7 @@ from scipy.stats import t as student
 
 from analysis.pages import render
 from analysis.pictures import save
-from analysis.sand.fabric import FABRICS, LABELS, MOST_CYCLES
+from analysis.sand.fabric import FABRICS, LABELS, MOST_CYCLES, cells_of
 from analysis.sand.karlsruhe import RESULTS
 from analysis.statistics import adjusted
 
@@ -49,15 +49,18 @@ def features(row: dict) -> dict[str, float]:
 def table_of(rows: Sequence[dict]) -> pandas.DataFrame:
     """A row per specimen of the seeds that are complete for their shape: labels, state, features."""
     made = pandas.DataFrame([{**{k: row[k] for k in (*LABELS, "e", "Z", "A")}, **features(row)} for row in rows])
-    complete = made.groupby(["shape", "seed"])["e"].transform("size") == len(FABRICS) * len(DENSITIES)
+    complete = made.groupby(["shape", "seed"])["e"].transform("size") == [len(cells_of(s)) for s in made["shape"]]
     return made[complete].reset_index(drop=True)
 
 
 def combination(groups: Sequence[tuple[float, np.ndarray]]) -> dict[str, float]:
     """A weighted sum of means of groups, (weight, values), with its 95 % interval and p: Welch's t.
 
-    Without scatter in any group the interval is empty; with a single specimen in a group it is NaN.
+    Without scatter in any group the interval is empty. With a single specimen in a group it is NaN, and with none the
+    estimate too.
     """
+    if not all(len(values) for _, values in groups):
+        return {"estimate": np.nan, "within": np.nan, "p": np.nan}
     value = sum(weight * values.mean() for weight, values in groups)
     if min(len(values) for _, values in groups) < 2:
         return {"estimate": value, "within": np.nan, "p": np.nan}
@@ -85,7 +88,7 @@ def interactions(table: pandas.DataFrame) -> pandas.DataFrame:
         signs = itertools.product(((1, "loose"), (-1, "medium")), ((1, fabric), (-1, FABRICS[0])))
         groups = [(a * b, _values(table, feature, shape, density, which)) for (a, density), (b, which) in signs]
         found.append({"shape": shape, "feature": feature, "fabric": fabric} | combination(groups))
-    made = pandas.DataFrame(found)
+    made = pandas.DataFrame(found).dropna(subset="estimate").reset_index(drop=True)
     judged = made["p"].notna()
     made.loc[judged, "p_holm"] = adjusted(made.loc[judged, "p"])
     return made
@@ -109,7 +112,7 @@ def effects(table: pandas.DataFrame) -> pandas.DataFrame:
                 ]
                 found.append({"feature": feature, "shape": "rods", "ingredient": f"shape, {density}, {fabric}"}
                              | combination(groups))  # fmt: skip
-    return pandas.DataFrame(found)
+    return pandas.DataFrame(found).dropna(subset="estimate").reset_index(drop=True)
 
 
 def readable(described: pandas.DataFrame) -> pandas.DataFrame:
@@ -182,15 +185,16 @@ def main() -> None:
     described.to_csv(RESULTS / "fabric_effects.csv", index=False, float_format="%.4g")
     used = {tuple(key) for key in table[[*LABELS]].to_numpy().tolist()}
     draw([row for row in rows if tuple(row[key] for key in LABELS) in used], RESULTS / "fabric.png")
-    means = table[table["shape"] == "spheres"].groupby(["density", "fabric"])[[*features_of(table), "Z"]].mean()
+    means = table.groupby(["shape", "density", "fabric"])[[*features_of(table), "Z"]].mean()
     shown = np.where(planned["p_holm"] < LEVEL, "yes", "not shown")
     values = {
-        "mean": lambda density, fabric, feature: f"{means.loc[(density, fabric), feature]:.2f}",
+        "mean": lambda density, fabric, feature, shape="spheres": f"{means.loc[(shape, density, fabric), feature]:.2f}",
         "cells": cells(table),
         "planned": planned.assign(factor=np.exp(planned["estimate"]), shown=shown),
         "effects": readable(described),
         "numbers": table.groupby("shape")["seed"].nunique().to_dict(),
-        "failed": len(every) - len(rows),
+        "described": len(described),
+        "failures": ", ".join(" ".join(str(row[key]) for key in LABELS) for row in every if "failed" in row),
         "unused": len(rows) - len(table),
         "most_cycles": MOST_CYCLES,
     }

@@ -33,6 +33,9 @@ LIMITS = (0.677, 1.054)  # e_min, e_max
 SAMPLES, GRAINS, LARGEST, DRAWS = 28, 300, 400, 4
 Draws = list[dict[str, dict[str, list[float]]]]  # for each draw: test -> column -> values
 WINDOW = 0.01  # window of strain over which the rate of dilation is taken
+SCATTERS = {"largest q/p": 0.03, "q/p at the end": 0.03, "volumetric strain at the end": 0.003}
+# a tenth of the scatter of a volumetric strain is assumed to vary within WINDOW
+SCATTERS["largest rate of dilation"] = 0.1 * 0.003 * np.sqrt(2.0) / WINDOW
 COLUMNS = {
     "axial_strain": ("eps_a[%]", "%", "compression"),
     "volumetric_strain": ("eps_v[%]", "%", "compression"),
@@ -120,9 +123,6 @@ def prediction(measured: float, values: np.ndarray, scatter: float) -> dict[str,
 def compare(posterior: lk.Posterior, tests: lk.GrainTests, draws: Draws) -> pandas.DataFrame:
     """Tabulate predicted features with their 90 % intervals next to the measured ones."""
     unexplained = float(posterior.draws["misfit"].median())
-    scatter = {"largest q/p": 0.03, "q/p at the end": 0.03, "volumetric strain at the end": 0.003}
-    independent = 0.1  # assumed share of the scatter of a volumetric strain that varies within WINDOW
-    scatter["largest rate of dilation"] = independent * 0.003 * np.sqrt(2.0) / WINDOW
     rows = []
     for name, measured in tests.measured.items():
         found = [features(draw[name]) for draw in draws]
@@ -130,7 +130,7 @@ def compare(posterior: lk.Posterior, tests: lk.GrainTests, draws: Draws) -> pand
             values = np.array([one[feature] for one in found])
             density = (LIMITS[1] - float(measured.data["void_ratio"][0])) / (LIMITS[1] - LIMITS[0])
             row = {"test": name, "kPa": OTHERS[name], "relative density": density, "feature": feature}
-            rows.append(row | prediction(value, values, unexplained * scatter[feature]))
+            rows.append(row | prediction(value, values, unexplained * SCATTERS[feature]))
     return pandas.DataFrame(rows)
 
 

@@ -48,17 +48,24 @@ def scored(table: pandas.DataFrame, of: str) -> list[dict[str, object]]:
     return rows
 
 
+def means(rows: list[dict[str, object]]) -> pandas.DataFrame:
+    """Number of features, those inside, and mean score of those that have one; a row per kind of tests."""
+    table = pandas.DataFrame(rows)
+    scores = ["score", "score of constant"]
+    table[scores] = table[scores].mul(table["n"], axis=0)
+    sums = table.groupby("tests")[["n", "inside"]].sum()
+    own = table.dropna().groupby("tests")
+    sums = sums.join(own[["inside of constant"]].sum()).join(own[scores].sum().div(own["n"].sum(), axis=0))
+    return sums.join(own["n"].sum().rename("with a score")).reset_index()
+
+
 def main() -> None:
     """Score the stored predictions, and write results/sand/score.csv."""
     files = {"drained": "predictions.csv", "undrained": "undrained.csv"}
     rows = [row for of, file in files.items() for row in scored(pandas.read_csv(RESULTS / file), of)]
     table = pandas.DataFrame(rows)
     table.to_csv(RESULTS / "score.csv", index=False, float_format="%.3g")
-    print(table.to_string(index=False, float_format="%.3g"))
-    weighted = table.dropna().assign(weight=lambda t: t["n"])
-    for of, own in weighted.groupby("tests"):
-        means = {name: np.average(own[name], weights=own["weight"]) for name in ("score", "score of constant")}
-        print(of, own["n"].sum(), own["inside"].sum(), own["inside of constant"].sum(), means)
+    print(table.to_string(index=False, float_format="%.3g"), means(rows).to_string(index=False), sep="\n")
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ MONOTONIC = {
 }
 CYCLIC = {"100 kPa, e = 0.961, cycles of q = 25 kPa": ("TCU - cyclic triaxial test karlsuhe/TCUI4.dat", 0.961)}
 STRAIN, LONGEST = 0.03, 30  # logarithmic strain of the monotonic tests; number of cycles
+LEAST_P = 0.05  # of p_0: below, few contacts remain, and q/p is noise
 SCATTERS = {"least p/p_0": 0.03, "largest |q/p|": 0.03, "|q| at 3 % (kPa)": 0.05}  # the last as a share of |q|
 MEASURED = RESULTS / "undrained_measured.json"
 
@@ -90,8 +91,14 @@ def features(curve: dict[str, list[float]]) -> dict[str, float]:
         return {"cycles to r_u = 0.95": float(np.nan_to_num(curve["cycles"][0], nan=LONGEST))}
     strain, p, q = (np.array(curve[name]) for name in ("strain", "p", "q"))
     at_end = float(np.interp(0.99 * STRAIN, np.maximum.accumulate(np.abs(strain)), np.abs(q)))
-    values = float(p.min() / p[0]), float(np.abs(q / p).max()), 1e-3 * at_end
+    bears = p > LEAST_P * p[0]
+    values = float(p.min() / p[0]), float(np.abs(q[bears] / p[bears]).max()), 1e-3 * at_end
     return dict(zip(SCATTERS, values, strict=True))
+
+
+def scatter_of(feature: str, value: float) -> float:
+    """Return the assumed standard deviation between repeated tests of a feature with this value."""
+    return SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
 
 
 def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float) -> pandas.DataFrame:
@@ -100,8 +107,8 @@ def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float
     for name, values in known.items():
         for feature, value in values.items():
             found = np.array([features(draw[name])[feature] for draw in draws])
-            scatter = SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
-            rows.append({"test": name, "feature": feature} | karlsruhe.prediction(value, found, unexplained * scatter))
+            row = karlsruhe.prediction(value, found, unexplained * scatter_of(feature, value))
+            rows.append({"test": name, "feature": feature} | row)
     return pandas.DataFrame(rows)
 
 

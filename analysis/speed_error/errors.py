@@ -105,14 +105,8 @@ def _against(case: Tests, other: Tests, name: str) -> tuple[float, float]:
     if paired.size:
         return _mean_of(paired)
     a, b = (_valid(tests[name]) for tests in (case, other))
-    return (a.mean() - b.mean() if a.size and b.size else np.nan), _welch(a, b)
-
-
-def _welch(a: np.ndarray, b: np.ndarray) -> float:
-    """Half-width of the interval of mean(a) - mean(b), with unequal variances; NaN if it cannot be determined."""
-    if min(a.size, b.size) < 2 or (np.ptp(a) == 0.0 and np.ptp(b) == 0.0):
-        return np.nan
-    return welch(a, b)
+    determined = min(a.size, b.size) > 1 and (np.ptp(a) > 0.0 or np.ptp(b) > 0.0)
+    return (a.mean() - b.mean() if a.size and b.size else np.nan), welch(a, b) if determined else np.nan
 
 
 def _pairs(case: Tests, other: Tests, name: str) -> np.ndarray:

@@ -72,10 +72,7 @@ STATIONARY = {"differs": "drifts", "agrees": "stationary", "not resolved": "not 
 
 
 def stationarity_table(
-    slopes: pandas.DataFrame,
-    by: Sequence[str] = (),
-    judged: Mapping[str, float] | None = None,
-    method: Method = "holm",
+    slopes: pandas.DataFrame, by: Sequence[str] = (), judged: Mapping[str, float] | None = None, method: Method = "holm"
 ) -> pandas.DataFrame:
     """Slopes over independent specimens, a pandas.DataFrame with a row per combination of `by` and quantity.
 

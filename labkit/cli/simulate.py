@@ -23,8 +23,7 @@ from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
 from labkit.simulation.reports import execute_and_report, one_line
 from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask
-from labkit.specimens.recipe import Recipe
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS, Recipe
 
 MATERIAL = "material, contact law and time step"
 NAMED = "(default: a name built from the parameters)"

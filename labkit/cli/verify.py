@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Csv, History, Option, strain
-from labkit.cli.outputs import figure_name, require_outputs, write_outputs
+from labkit.cli.outputs import name_beside, require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.files.provenance import write_with_provenance
 
@@ -34,7 +34,7 @@ def verify_command(
 
     runs = runs_by_name(run)
     verify.require_simulations(runs)
-    figure = output or figure_name(run[0], "verify")
+    figure = output or name_beside(run[0], ".verify.png")
     require_outputs(figure, csv)
     findings = {name: verify.findings(each) for name, each in runs.items()}
     for name, each in runs.items():

@@ -105,11 +105,7 @@ def reload(engine: Engine) -> State:
 Kind = TypeVar("Kind", bound=Engine)
 
 ENGINES = Registry[type[Engine]](
-    "engine",
-    {
-        "yade": "labkit.engines.yade:YadeEngine",
-        "fused": "labkit.engines.fused:FusedEngine",
-    },
+    "engine", {"yade": "labkit.engines.yade:YadeEngine", "fused": "labkit.engines.fused:FusedEngine"}
 )
 
 

@@ -13,7 +13,6 @@ import contextlib
 import hashlib
 import os
 import pickle
-import re
 import shlex
 import shutil
 import signal
@@ -30,18 +29,18 @@ from typing import IO, Any, TypeVar, cast
 import numpy as np
 
 from labkit.engines.base import Engine
-from labkit.engines.server import ENDING, RESUME, SILENCE, start_process, wait_for_program
+from labkit.engines.server import ENDING, RESUME, SILENCE, last_line, printed, start_process, wait_for_program
 from labkit.errors import InputError, PhysicsError, ProgramError, fail
 from labkit.grains.state import State
-from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command, require_library
 from labkit.process.interruption import die_with_parent, ending_signals
-from labkit.process.system import number_of_cores
+from labkit.process.system import number_of_cores, without_current_folder
 from labkit.version import __version__
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
 MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
+FREED = {"MALLOC_MMAP_THRESHOLD_": "500000"}  # bytes; glibc then returns larger freed arrays to the system at once
 ROOT = Path(__file__).resolve().parents[2]
 READY = "labkit: ready"  # what a follower prints before it connects
 ERROR = 1  # tag of the message with the error of a follower
@@ -216,16 +215,9 @@ def _finalize() -> None:
         mpi_library().Finalize()
 
 
-def _printed(output: IO[bytes] | None) -> bytes:
-    """Return what the followers have printed, without moving the place at which they print."""
-    return b"" if output is None else os.pread(output.fileno(), os.fstat(output.fileno()).st_size, 0)
-
-
 def _ending(process: subprocess.Popen[bytes], output: IO[bytes] | None) -> ProgramError:
-    """Return the error that says how the followers ended, with the last line that they printed."""
-    lines = [line for line in _printed(output).decode(errors="replace").splitlines() if re.search(r"\w", line)]
-    telling = [line for line in lines if "EXIT STRING" in line] or lines[-1:]  # MPICH's output ends with advice
-    said = f", their last line: {telling[-1].strip()}" if telling and telling[-1] != READY else ""
+    """Return the error that says how the followers ended."""
+    said = last_line(output).replace(f", its last line: {READY}", "")
     return ProgramError(f"the other ranks ended with exit status {process.returncode}{said}; {RESUME}")
 
 
@@ -249,7 +241,7 @@ def start_followers(size: int, threads: int) -> Ranks:
         raise InputError("start labkit without mpiexec: it starts the ranks itself")
     output, port = tempfile.TemporaryFile(), mpi.Open_port()
     own = {} if os.environ.get(LAUNCHER) else MEMORY
-    environment = {**own, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
+    environment = {**own, **FREED, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
     program = [sys.executable, "-P", "-m", "labkit.engines.followers", port.encode().hex()]
     # in another folder, because MPI reads settings from the current one
     process = start_process(
@@ -259,7 +251,7 @@ def start_followers(size: int, threads: int) -> Ranks:
     def hear() -> None:
         if process.poll() is not None:
             raise _ending(process, output)
-        if READY.encode() not in _printed(output):
+        if READY not in printed(output):
             time.sleep(0.02)
             raise TimeoutError
 

@@ -45,14 +45,8 @@ SEARCH_STEPS = (150, 1500)
 NONE = Corrections.constant(0, np.zeros((3, 3))).plan
 # arrays of a State that the engine stores in its own layout
 OWN = (
-    "position",
-    "velocity",
-    "angular_velocity",
-    "contact_grain",
-    "contact_shift",
-    "tangential_force",
-    "rolling_moment",
-    "columns",
+    *("position", "velocity", "angular_velocity", "contact_grain", "contact_shift"),
+    *("tangential_force", "rolling_moment", "columns"),
 )
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # type of numbers that may be single
@@ -238,8 +232,7 @@ class FusedEngine(Engine):
 
     def _search(self, kinematics: Kinematics, history: History) -> None:
         """Find all pairs of neighbouring grains and fill the arrays of the kernel."""
-        self._enter_flows()
-        self._packing = None  # frees the old arrays before the new ones are allocated
+        self._free()
         scene, bodies, skin = self._start.scene, self._bodies_of_state, self._skin
         of_bodies = None if self._start.bodies is None else self._start.bodies.body
         p = pack(scene, self._solids, kinematics, history, self._cell, skin + self._scale.reach, self._kind, of_bodies)
@@ -253,6 +246,12 @@ class FusedEngine(Engine):
         compiled = self._functions, self._needs, self._damping
         self._loop = Loop(p.arrays, moving, self._bodies, *compiled, self._exchange)
         self._place_images()
+
+    def _free(self) -> None:
+        """Move work and losses to the ledger, and free the arrays, before new ones are allocated."""
+        self._enter_flows()
+        self._packing = self._exchange = None
+        vars(self).pop("_loop", None)
 
     def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
         """Return the exchange with other ranks after a neighbour search, or None on one rank."""

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import abc
 import contextlib
-import dataclasses
 import json
 import math
 import os
+import re
 import signal
 import socket
 import struct
@@ -29,7 +29,7 @@ import time
 import weakref
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from typing import IO, Any, ClassVar, NamedTuple, TypeAlias, TypeVar
+from typing import IO, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -117,6 +117,19 @@ def wait_for_program(program: str, limit: float, hear: Callable[[], Result]) -> 
     raise Interrupted(f"stopped by signal {number} while {program} started: give the same command again", 128 + number)
 
 
+def printed(output: IO[bytes] | None) -> str:
+    """Return what a program has printed, without moving the place at which it prints."""
+    content = b"" if output is None else os.pread(output.fileno(), os.fstat(output.fileno()).st_size, 0)
+    return content.decode(errors="replace")
+
+
+def last_line(output: IO[bytes] | None) -> str:
+    """Return the words that tell the last line that a program printed, or nothing."""
+    lines = [line.strip() for line in printed(output).splitlines() if re.search(r"\w", line)]
+    telling = [line for line in lines if "EXIT STRING" in line] or lines  # MPICH's output ends with advice
+    return f", its last line: {telling[-1]}" if telling else ""
+
+
 class Server:
     """A program that serves an engine over a socket.
 
@@ -201,12 +214,7 @@ class Server:
         self.close()
         code = self._process.returncode
         said = f"was killed by signal {-code}" if code < 0 else f"ended with exit status {code}"
-        if self._output is None or code <= 0:
-            return said
-        self._output.seek(0)
-        lines = [line for line in self._output.read().decode(errors="replace").splitlines() if line.strip()]
-        telling = [line for line in lines if "EXIT STRING" in line] or lines  # MPICH's output ends with advice
-        return f"{said}, its last line: {telling[-1].strip()}" if lines else said
+        return said + last_line(self._output) if code > 0 else said
 
     @property
     def usable(self) -> bool:
@@ -215,10 +223,7 @@ class Server:
         return self._owner == os.getpid() and self._peer.fileno() >= 0 and alive
 
     def close(self) -> None:
-        """End the server: one that waits for a message ends by itself; another is killed, unless it ends soon.
-
-        If MPI is killed, it leaves its shared memory behind.
-        """
+        """End the server: one that waits for a message ends by itself; another is killed, unless it ends soon."""
         if self._owner != os.getpid():  # this is a copy in a forked process
             return
         self._peer.close()
@@ -236,12 +241,7 @@ _IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 
 class ServedEngine(Engine):
-    """An engine in a server. A subclass starts the server and defines the message that loads a State.
-
-    `keeps_server` is True if the next engine may reuse an idle server.
-    """
-
-    keeps_server: ClassVar[bool] = True
+    """An engine in a server. A subclass starts the server and defines the message that loads a State."""
 
     def __init__(self, state: State, threads: int = 1) -> None:
         """Load the state into an idle server, or into a new one."""
@@ -249,7 +249,7 @@ class ServedEngine(Engine):
         idle = _IDLE[key]
         idle[:] = [server for server in idle if server.usable]
         self._server = idle.pop() if idle else self.start_server(threads)
-        weakref.finalize(self, idle.append if self.keeps_server else Server.close, self._server).atexit = False
+        weakref.finalize(self, idle.append, self._server).atexit = False
         self.version = self._server.version
         self.load(state)
 
@@ -265,9 +265,8 @@ class ServedEngine(Engine):
     def load(self, state: State) -> None:
         state = state.replace(columns={})  # servers refuse laws with further columns of history
         values, arrays = self.load_message(state)
-        ledger = dataclasses.replace(state.ledger, cell_work=state.ledger.cell_work - values.get("work", 0.0))
         values |= {"time": state.time, "time_step": state.time_step, "step": state.step}
-        self._loaded, self._ledger, self._step = state, ledger, state.step
+        self._loaded, self._ledger, self._step = state, state.ledger, state.step
         self._keep(self._server.ask("load", values, **{name: getattr(state, name) for name in STATE}, **arrays))
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:

@@ -154,9 +154,7 @@ def _components(values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def e_p_paths(
-    runs: Runs,
-    critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
-    width: float = WIDTH,
+    runs: Runs, critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None, width: float = WIDTH
 ) -> Figure:
     """Draw shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; returns a Figure.
 

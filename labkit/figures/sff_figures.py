@@ -150,13 +150,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     figure, axes = new_panels(1, 2, 5.0)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
-        panel.plot(
-            strain,
-            100 * of(parts.sum("part").values) / p,
-            color="0.6",
-            lw=5,
-            label="C0 minus Love's stress",
-        )
+        panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.6", lw=5, label="C0 minus Love's stress")
         panel.plot(strain, 100 * of(by_volume) / p, "k-.", lw=1.2, label="equation by volume minus Love's stress")
         for color, ls, part in zip(colors_for(len(shown)), LINES, shown, strict=False):  # more lines
             error = 100 * of(parts.sel(part=part).values) / p

@@ -132,7 +132,7 @@ def drive(
 ) -> Result:
     """Load a state along a path (labkit.paths.standard); returns a Result.
 
-    Each piece between two reversals is integrated separately, because the rates are discontinuous at a reversal. If the
+    Each span between two reversals is integrated separately, because the rates are discontinuous at a reversal. If the
     state leaves the domain of the equations, the result ends there and `failure` gives the reason. Raises InputError
     for an invalid initial state, and for a condition on a variable that the model does not have.
 

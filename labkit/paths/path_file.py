@@ -180,7 +180,7 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
 
 
 def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
-    """Read the pieces of a step: changes from row to row of a table, or stresses to reach if `absolute`."""
+    """Read the rows of a step: changes from row to row of a table, or stresses to reach if `absolute`."""
     try:
         table = read_table(text_of(file, "give a table"), file, least=1)
     except InputError as error:

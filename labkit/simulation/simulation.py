@@ -31,8 +31,8 @@ from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
 from labkit.results.endings import unfinished_error
 from labkit.servo.reach import ERROR, errors, require_way
+from labkit.simulation.clock import ACCUMULATED
 from labkit.simulation.grains import Grains
-from labkit.simulation.pace import ACCUMULATED
 from labkit.simulation.stopping import contents
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.ready import ready
@@ -141,13 +141,7 @@ def simulation(
 
 
 def prepare(
-    specimen: State,
-    path: Path,
-    engine: str,
-    progress: Progress,
-    guarded: bool,
-    interim: File | None,
-    signals: Signals,
+    specimen: State, path: Path, engine: str, progress: Progress, guarded: bool, interim: File | None, signals: Signals
 ) -> Generator[Request, object, State]:
     """Return the specimen at rest at the initial pressure of the path, after consolidation if necessary.
 

@@ -33,7 +33,7 @@ from labkit.process.interruption import only_writer
 from labkit.records.limits import exceeded_by, rate_warning, require_pressure, size_warning, width_warning
 from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
-from labkit.simulation.pace import require_one_rate
+from labkit.simulation.clock import require_one_rate
 from labkit.simulation.simulation import default_pressure, lost_deviator, simulation
 from labkit.specimens import bisection, compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of

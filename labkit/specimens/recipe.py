@@ -80,11 +80,7 @@ class Recipe:
         "sphere", help="shape of the grains, such as `rod aspect_ratio=1.5`, or several, separated by commas"
     )
     size_classes: Number[int | None] = parameter(
-        None,
-        low=1,
-        high=64,
-        kind=int,
-        help="number of different diameters (default: no two are equal)",
+        None, low=1, high=64, kind=int, help="number of different diameters (default: no two are equal)"
     )
     cell: str = parameter(
         "free",
@@ -205,3 +201,27 @@ def mean_grain_volume(scene: Scene) -> float:
     if scene.grading is not None:
         return scene.sizes.mean_volume
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """A preset.
+
+    Args:
+        side: Side of the specimen, m, unless `grains` is given.
+        grains: Approximate number of grains.
+        time_step_factor: time_step_factor of the Scene.
+        rate_factor: Axial strain rate divided by the default of the path (labkit.paths.rates.default_rate).
+    """
+
+    side: float | None = None  # m
+    grains: int | None = None
+    time_step_factor: float = Scene.time_step_factor
+    rate_factor: float = 1.0
+
+
+SETTINGS = {
+    "quick": Settings(grains=2000, time_step_factor=0.3, rate_factor=4.0),
+    "standard": Settings(side=SIDE),
+    "reference": Settings(side=SIDE, time_step_factor=0.1, rate_factor=0.5),
+}

@@ -28,6 +28,7 @@ def test_a_difference_of_two_groups_is_welchs():
     assert [mine["estimate"] - mine["within"], mine["estimate"] + mine["within"]] == pytest.approx([*interval])
     assert combination([(1.0, np.ones(3)), (-1.0, np.ones(3))]) == {"estimate": 0.0, "within": 0.0, "p": 1.0}
     assert np.isnan(combination([(1.0, a[:1]), (-1.0, b)])["within"])
+    assert np.isnan(combination([(1.0, a[:0]), (-1.0, b)])["estimate"])
 
 
 def test_the_interaction_is_that_of_logarithms_of_ratios():

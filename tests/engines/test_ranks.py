@@ -1,5 +1,6 @@
 """The fused engine on MPI ranks: the bits of one thread, and the end of ranks that are killed or cannot start."""
 
+import gc
 import os
 import platform
 import shlex
@@ -7,12 +8,15 @@ import shutil
 import signal
 import subprocess
 import sys
+import weakref
 
+import numpy as np
 import pytest
 
 import labkit as lk
 from benchmarks.ranks import differences
 from labkit.engines import followers
+from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
 from tests.conftest import PATIENCE, ROOT, wait_until
 
@@ -114,6 +118,25 @@ def test_an_error_on_one_rank_ends_the_run_with_its_sentence(specimen, small_dom
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 1, done.stderr
     assert "rank 1: MemoryError: no room; give the same command to resume a run" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("on_ranks", [False, True])
+def test_a_search_frees_the_arrays_before_it_allocates_new_ones(on_ranks, specimen, small_domains):
+    left = []
+
+    class Searching(FusedEngine):
+        def _free(self):
+            before = self._packing and weakref.ref(self._packing.arrays.blocks)
+            super()._free()
+            left.append(before and before())
+
+    gc.disable()
+    try:
+        engine = Searching(lk.read_state(specimen), ranks=followers.alone() if on_ranks else None)
+        engine.advance(400, np.diag([500.0, 500.0, -1000.0]))
+    finally:
+        gc.enable()
+    assert len(left) > 1 and left == [None] * len(left)
 
 
 COMPILES_NOTHING = """\

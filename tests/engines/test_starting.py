@@ -9,7 +9,7 @@ import pytest
 
 import labkit as lk
 from labkit.engines import followers, server
-from labkit.engines.yade_process import run_script, yade_environment
+from labkit.engines.yade import run_script, yade_environment
 from labkit.errors import PhysicsError
 from tests.conftest import ROOT, wait_until
 from tests.engines.test_server import yades

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas
 import pytest
-import xarray as xr
 
 import labkit
 from labkit.cli import main
@@ -133,14 +132,6 @@ def test_lives_and_changes_agree_with_the_contacts_of_the_snapshots(run):
 def test_strong_contacts_are_the_minority_and_carry_most_of_q(run):
     strong = run.lab.strong_networks().isel(snapshot=-1)
     assert (strong["fraction"] < 0.5).all() and (strong["share_of_q"] > 0.7).all()
-
-
-def test_a_snapshot_with_normalised_forces_is_labelled(run):
-    found = run.lab.normalised_contacts(-1)
-    assert isinstance(found, xr.Dataset) and found["normalised_normal_force"].dims == ("contact", "side")
-    mean = float(found["normalised_normal_force"].mean())
-    assert found["strong_by_normalised_force"].dtype == bool
-    assert float(found["normalised_normal_force"].where(found["strong_by_normalised_force"]).min()) > mean
 
 
 def test_any_function_of_contacts_can_be_followed(run):

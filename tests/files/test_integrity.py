@@ -191,21 +191,11 @@ def scene(name, value):
     return change
 
 
-def self_contact(dataset):
-    dataset["contact_grain"][0] = [3, 3]
-    dataset["contact_shift"][0] = 0
-
-
 STATES = {
-    "a radius that is not positive": (put("radius", 0, -1e-4), "radius contains values"),
     "a radius of 1e20 m": (put("radius", 0, 1e20), "radius "),
     "a fill value": (put("velocity", (0, 0), netCDF4.default_fillvals["f8"]), "velocity contains values above 1e\\+30"),
     "NaN": (put("tangential_force", (0, 0), np.nan), "tangential_force contains NaN"),
-    "a contact of a grain with itself": (self_contact, "a contact of a grain with itself"),
-    "a grain that does not exist": (put("contact_grain", (0, 1), 10**6), "refers to grains that do not exist"),
     "a grain far away": (put("position", 0, 1e3), "cell lengths from the periodic cell"),
-    "a contact far away": (put("contact_shift", (0, 0), 5), "far apart"),
-    "a large shift": (put("contact_shift", (0, 0), 10**6), "shifts of more than"),
     "radii times 1.3": (lambda d: put("radius", slice(None), d["radius"][:] * 1.3)(d), "overlap by"),
     "a left-handed cell": (lambda d: put("cell", slice(None), d["cell"][:, [1, 0, 2]])(d), "left-handed"),
     "a narrow cell": (put("cell", (2, 2), 1e-5), "narrower than its largest grain"),

@@ -71,15 +71,6 @@ def test_drawn_grains_follow_the_curve_and_fill_the_volume(text):
     assert np.abs(error).max() < 0.02 + largest
 
 
-def test_a_sieve_curve_from_a_csv_file(tmp_path):
-    file = tmp_path / "my 2 mm soil.csv"
-    file.write_text("diameter_mm,passing_percent\n0.4,100\n0.2,45\n0.1,0\n")
-    assert read_grading(str(file)) == read_grading("sieve diameters=0.1mm,0.2mm,0.4mm passing=0%,45%,100%")
-    file.with_name("bad.csv").write_text("size,passing\n1,0\n")
-    with pytest.raises(InputError, match="headings diameter_mm"):
-        read_grading(str(file.with_name("bad.csv")))
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

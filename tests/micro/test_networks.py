@@ -2,12 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labkit.micro.contact_sides import (
-    normalised_force,
-    normalised_normal_force,
-    vectors_of_contacts,
-    vectors_of_sides,
-)
+from labkit.micro.contact_sides import normalised_force, normalised_normal_force, vectors_of_contacts, vectors_of_sides
 from labkit.micro.networks import follow, network_stress, strong_by_force, strong_by_normalised_force
 from labkit.micro.snapshot import love_stress
 from tests.contact_sets import E, contact_sets

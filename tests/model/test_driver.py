@@ -14,12 +14,7 @@ from labkit.model.controls import Mixed, Oedometer, model_path, strain_control
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import Model
-from labkit.model.state import (
-    ModelState,
-    inherent_anisotropy,
-    isotropic_force_anisotropy,
-    isotropic_state,
-)
+from labkit.model.state import ModelState, inherent_anisotropy, isotropic_force_anisotropy, isotropic_state
 from tests.model.random_states import AXIS, deviator, rotation
 from tests.model.scalar_formulas import scalar_rates, scalar_stress
 

@@ -3,7 +3,6 @@
 import shlex
 import subprocess
 import sys
-from importlib import metadata
 
 import pytest
 
@@ -26,7 +25,8 @@ def test_pip_accepts_the_command():
     assert done.returncode == 0 or "hatchling" in done.stderr, done.stderr
 
 
-def test_without_a_checkout_the_packages_are_named():
-    requires = metadata.distribution("labkit").requires
-    assert any(one.startswith("snakemake") for one in extras._packages("campaign", requires))
-    assert [one.partition(">")[0] for one in extras._packages("paraview", requires)] == ["h5py"]
+def test_without_a_checkout_the_packages_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(extras, "ROOT", tmp_path)
+    assert any(word.startswith("snakemake") for word in shlex.split(install_command("campaign")))
+    *_, install, package = shlex.split(install_command("paraview"))
+    assert install == "install" and package.startswith("h5py")

@@ -4,7 +4,7 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.records.identity import differences
+from labkit.records.checkpoint import differences
 from tests.stopped import run_stopped
 
 PATH = """

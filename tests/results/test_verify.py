@@ -43,15 +43,6 @@ def test_an_infinite_inertial_number_is_outside(spoiled):
     assert not spoiled(spoil)["largest inertial number"].holds
 
 
-def copy(old, new, without):
-    new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
-    for name, dimension in old.dimensions.items():
-        new.createDimension(name, len(dimension))
-    for name, variable in old.variables.items():
-        if name not in without:
-            new.createVariable(name, variable.dtype, variable.dimensions)[...] = variable[...]
-
-
 def test_a_volume_that_drifts_fails(spoiled):
     def spoil(dataset):
         dataset["volume"][-1] = dataset["volume"][-1] * (1 + 1e-9)

@@ -4,15 +4,9 @@ from hypothesis import strategies as st
 from scipy.integrate import lebedev_rule
 
 from labkit.sff.c0 import c0_stress, symmetric_product
+from tests.model.random_states import deviator
 
 E = 0.15e9
-
-
-def deviator(rng, size):
-    tensor = rng.normal(size=(3, 3))
-    tensor = tensor + tensor.T
-    tensor -= np.trace(tensor) / 3 * np.eye(3)
-    return size * tensor / np.linalg.norm(tensor)
 
 
 @settings(max_examples=25)

@@ -10,7 +10,7 @@ import labkit as lk
 from labkit.errors import InputError
 from labkit.paths.rates import on_grains
 from labkit.records.limits import exceeded_in, expected_inertial_number
-from labkit.simulation.pace import steps_at
+from labkit.simulation.clock import steps_at
 
 pytestmark = pytest.mark.slow
 

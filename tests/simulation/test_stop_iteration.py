@@ -12,10 +12,7 @@ def take_first(*_):
     return next(iter(()))
 
 
-PLACES = {
-    "statistic": ("statistic", PATH, False),
-    "progress": (None, PATH, take_first),
-}
+PLACES = {"statistic": ("statistic", PATH, False), "progress": (None, PATH, take_first)}
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -139,5 +139,5 @@ def gentle_servo(lab: Laboratory) -> Judged:
     run = lab.run(lab.specimen())
     p = run.lab.mean_stress().values
     return f"p {p.min() / 1e3:.2f} to {p.max() / 1e3:.2f} kPa; {ratio_text(run)}", [
-        below("relative error of p at the start", abs(p[0] / lab.scene.pressure - 1.0), 2e-3),
+        below("relative error of p at the start", abs(p[0] / lab.scene.pressure - 1.0), 2e-3)
     ]

@@ -28,5 +28,5 @@ def thin_cell(lab: Laboratory) -> Judged:
     run = lab.run(lab.specimen(120))
     width = np.diagonal(run["cell"].values[-1]).min() / (2.0 * run["radius"].values.max())
     return f"cell height at the end {width:.2f} times the largest grain; {pressure_text(run)}", [
-        below("height of the cell over the largest diameter", width, 2.2 if lab.extent == 1.0 else np.inf),
+        below("height of the cell over the largest diameter", width, 2.2 if lab.extent == 1.0 else np.inf)
     ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import ctypes
 import math
+import weakref
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,7 +58,8 @@ class Exchange(abc.ABC):
         self._gathered = True
         self._out: list[Records] = []
         self._into: list[Records] = []
-        self._callback = CALLBACK(self._exchange)
+        here = weakref.proxy(self)  # a reference would keep the arrays in memory after the next search
+        self._callback = CALLBACK(lambda *asked: here._exchange(*asked))
         self.pointer = ctypes.cast(self._callback, POINTER).value
 
     def _exchange(self, what: int, value: float, array: object, count: int) -> float:

@@ -122,11 +122,11 @@ class Carrier:
         self._let("run 0 post no")
         own = self._own()
         count = own + self._lmp.extract_global("nghost")
-        label, rank = (self._values(name, count).astype(np.int64) for name in ("id", "i_rank"))
+        label, rank = (self._values(name, count) for name in ("id", "i_rank"))
         _, atoms = np.unique(label, return_index=True)  # of a grain and its copies, the grain
         self._atoms = atoms[atoms < own]
         values = (self._values(name, count)[atoms] for name in ("radius", "d2_place", "v", "omega"))
-        return LabelledGrains(label[atoms] - 1, *values), rank[atoms]
+        return LabelledGrains(label.take(atoms) - 1, *values), rank.take(atoms)
 
     def inside(self, position: np.ndarray) -> np.ndarray:
         """Return positions (grain, 3), m, in units of the box, from 0 to 1. Raises PhysicsError if one is NaN."""

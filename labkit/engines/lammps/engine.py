@@ -24,6 +24,8 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.records.energy import kinetic_energy
 
+NO_GRAINS = np.zeros(0, np.int64)  # `number` of a History with labels
+
 
 class CarriedExchange(Exchange):
     """The exchange between ranks that only have their own grains and those near them.
@@ -37,12 +39,7 @@ class CarriedExchange(Exchange):
     """
 
     def __init__(
-        self,
-        ranks: Ranks,
-        packing: PackedArrays,
-        label: np.ndarray,
-        rank: np.ndarray,
-        place_images: Callable[[], None],
+        self, ranks: Ranks, packing: PackedArrays, label: np.ndarray, rank: np.ndarray, place_images: Callable[[], None]
     ) -> None:
         """Let the other ranks know which of their grains this rank needs."""
         super().__init__(ranks, packing.arrays, 0, len(packing.arrays.contact_first))
@@ -110,76 +107,84 @@ class LammpsEngine(FusedEngine):
         if not first:
             self._start, self._scale, self._bodies_of_state = start, scale, None
         self._prepare()
-        grains, history = self._divide(state)
-        self._label, self._rank = grains.label, np.full(len(grains.label), self._comm.rank)
-        counts = self._comm.allgather(len(grains.label))
-        if min(counts) == 0:
-            raise InputError("are too many for these grains", field="ranks", value=len(counts), allowed="fewer")
-        if sum(counts) != scale.grains:
-            raise PhysicsError(
-                f"LAMMPS took only {sum(counts)} of {scale.grains} grains: report this, with the specimen"
-            )
-        self._search(grains.kinematics, history)
+        self._search(*self._divide(state))
         self._settle()
 
-    def _divide(self, state: State) -> tuple[LabelledGrains, History]:
-        """Return the grains of this rank and the history of their contacts, with labels in place of indices."""
+    def _divide(self, state: State) -> tuple[Kinematics, History]:
+        """Take the grains of this rank and the history of their contacts, with labels; `state` is on rank 0 alone."""
         ends = self._comm.gather(self._carrier.create_box(self._cell))
         if self._comm.rank == 0:
             arrays = self._start.radius, state.position, state.velocity, state.angular_velocity
-            everything = LabelledGrains(np.arange(self._scale.grains), *arrays)
-            history, inside = history_of(state, self._needs.law.columns), self._carrier.inside(state.position)
+            everything = LabelledGrains(np.arange(self._scale.grains, dtype=np.int32), *arrays)
+            history = history_of(state, self._needs.law.columns)._replace(number=NO_GRAINS)
+            inside = self._carrier.inside(state.position)
             for rank in range(len(ends))[::-1]:
                 near = belongs(inside, *ends[rank])
                 part = everything.take(near), take_pairs(history, np.logical_or(*near.take(history.pairs)))
                 if rank:
                     self._comm.send(part, rank)
+            del everything, history, inside
         else:
             part = self._comm.recv(source=0)
-        return self._carrier.create_grains(part[0]), part[1]
+        grains = self._carrier.create_grains(part[0])
+        self._label, self._rank = grains.label, np.full(len(grains.label), self._comm.rank, np.int32)
+        counts = self._comm.allgather(len(grains.label))
+        if min(counts) == 0:
+            raise InputError("are too many for these grains", field="ranks", value=len(counts), allowed="fewer")
+        if sum(counts) != self._scale.grains:
+            raise PhysicsError(
+                f"LAMMPS took only {sum(counts)} of {self._scale.grains} grains: report this, with the specimen"
+            )
+        return grains.kinematics, part[1]
 
     def _search_again(self) -> None:
         self._fit_margin()
-        history = self.packing.unpack_history()
-        labels = self._label.take(self.packing.order)
-        self._search(self.packing.unpack_grains(), history._replace(pairs=labels.take(history.pairs)))
+        self._search(self.packing.unpack_grains(), self._labelled(self.packing.unpack_history()))
+
+    def _labelled(self, history: History) -> History:
+        """Return a history with labels in place of the kernel's indices."""
+        return history._replace(pairs=self._label.take(self.packing.order).take(history.pairs), number=NO_GRAINS)
 
     def _search(self, kinematics: Kinematics, history: History) -> None:
         """Let grains move to other ranks, and find the neighbours of those of this rank; `history` has labels."""
-        self._enter_flows()
-        self._packing = None
+        self._free()
         reach = self._scale.largest_diameter + self._scale.reach + self._skin
         before = self._label[self._rank == self._comm.rank]
         grains, self._rank = self._carrier.carry(self._cell, reach, *kinematics)
+        del kinematics
         self._label, own = grains.label, self._rank == self._comm.rank
         history = self._follow_grains(before, grains.label[own], history)
-        index = np.searchsorted(grains.label, history.pairs).clip(max=len(own) - 1)
-        here = (grains.label.take(index) == history.pairs).all(axis=0)
-        history = take_pairs(history._replace(pairs=index), here)._replace(number=np.arange(len(own)))
         self._solids = self._solids_of(grains.radius)
         self._solids[~own, 1:] = 0.0
         super()._search(grains.kinematics, history)
 
     def _follow_grains(self, before: np.ndarray, now: np.ndarray, history: History) -> History:
-        """Return `history` with the contacts of the grains that came from other ranks.
+        """Return the history of the contacts of the grains of this rank now, with indices of the grains that it knows.
 
         Args:
             before: Labels of the grains that this rank had, (n,).
             now: Labels of the grains that it has now, (m,).
             history: Contact history with labels.
         """
-        if self._comm.size == 1:
-            return history
-        arrived = self._comm.allgather(np.setdiff1d(now, before, assume_unique=True))
-        gone = np.setdiff1d(before, now, assume_unique=True)
-        moved = take_pairs(history, np.logical_or(*np.isin(history.pairs, gone)))
-        parts = [take_pairs(moved, np.logical_or(*np.isin(moved.pairs, labels))) for labels in arrived]
-        parts = [history, *self._comm.alltoall(parts)]
+        parts = [self._local(history)]
+        if self._comm.size > 1:
+            arrived = self._comm.allgather(np.setdiff1d(now, before, assume_unique=True))
+            gone = np.setdiff1d(before, now, assume_unique=True)
+            moved = take_pairs(history, np.logical_or(*np.isin(history.pairs, gone)))
+            for_others = [take_pairs(moved, np.logical_or(*np.isin(moved.pairs, labels))) for labels in arrived]
+            parts += map(self._local, self._comm.alltoall(for_others))
         return history._replace(
             pairs=np.concatenate([part.pairs for part in parts], axis=1),
             shift=np.concatenate([part.shift for part in parts]),
             rows=np.concatenate([part.rows for part in parts]),
+            number=np.arange(len(self._label)),
         )
+
+    def _local(self, history: History) -> History:
+        """Return the contacts among the grains that this rank knows, with their indices; `history` has labels."""
+        index = np.searchsorted(self._label, history.pairs).clip(max=len(self._label) - 1)
+        here = (self._label.take(index) == history.pairs).all(axis=0)
+        return take_pairs(history._replace(pairs=index.astype(np.int32)), here)
 
     def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
         if self._ranks is None or self._ranks.size == 1:
@@ -193,21 +198,22 @@ class LammpsEngine(FusedEngine):
 
     def state(self) -> State:
         self._enter_flows()
-        everything = self._unpack_ranks()
-        return self._start if everything is None else self._state_of(*everything)
+        everything = self._unpack()
+        return self._state_of(*everything) if self._comm.rank == 0 else self._start
 
-    def _unpack_ranks(self) -> tuple[Kinematics, Pairs] | None:
-        """Return the grains and pairs of all ranks on rank 0, and None on others."""
+    def _unpack(self) -> tuple[Kinematics, Pairs]:
+        """Return the grains and pairs of all ranks on rank 0, and those of this rank on others."""
         p = self.packing
         mine = p.pairs[0] < len(p.arrays.start)  # a contact of two ranks is of the rank of its first grain
-        pair = self._label.take(p.order).take(p.pairs.T[mine])
-        grains = self._label[self._rank == self._comm.rank], *p.unpack_grains()
-        parts = self._comm.gather((*grains, pair, p.pair_shift[mine], p.take_history(mine)))
-        if parts is None:
-            return None
-        label, *moved, pair, shift, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
-        position, velocity, spin = (values.take(np.argsort(label), 0) for values in moved)
-        return (position, velocity, spin), Pairs(pair, shift, rows)
+        pair = self._on_first(self._label.take(p.order).take(p.pairs.T[mine]))
+        pairs = Pairs(pair, self._on_first(p.pair_shift[mine]), self._on_first(p.take_history(mine)))
+        order = np.argsort(self._on_first(self._label[self._rank == self._comm.rank]))
+        position, velocity, spin = (self._on_first(values).take(order, 0) for values in p.unpack_grains())
+        return (position, velocity, spin), pairs
+
+    def _on_first(self, values: np.ndarray) -> np.ndarray:
+        """Return the rows of all ranks on rank 0, and those of this rank on others: one array at a time, for memory."""
+        return np.concatenate(self._comm.gather(values) or [values])
 
     def stop_grains(self) -> None:
         state = self.state()

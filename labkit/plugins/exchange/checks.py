@@ -82,12 +82,7 @@ def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: st
 
 
 def check_grains(
-    position: np.ndarray,
-    radius: np.ndarray,
-    cell: np.ndarray,
-    volume: float,
-    overlap: np.ndarray,
-    grain: np.ndarray,
+    position: np.ndarray, radius: np.ndarray, cell: np.ndarray, volume: float, overlap: np.ndarray, grain: np.ndarray
 ) -> list[Doubt]:
     """Check grains (SI units), volume, and overlapping pairs, overlap (m,) and grain (m, 2); returns the findings."""
     doubts = []

@@ -18,22 +18,10 @@ runs:
 """
 WILD = "  wild: {path: cv, specimen: dense, strain: 0.2, time_step_factor: 2}\n"
 TABLES = (
-    "fidelity.csv",
-    "fidelity.md",
-    "critical_states.csv",
-    "critical_lines.csv",
-    "one_critical_line.csv",
-    "components.csv",
-    "stationarity.csv",
-    "c0_bias.csv",
-    "critical_extrapolated.csv",
-    "sff.csv",
-    "parameters.csv",
-    "model_errors.csv",
-    "model_errors.md",
-    "engines.csv",
-    "campaign.csv",
-)
+    "fidelity.csv fidelity.md critical_states.csv critical_lines.csv one_critical_line.csv components.csv "
+    "stationarity.csv c0_bias.csv critical_extrapolated.csv sff.csv parameters.csv model_errors.csv model_errors.md "
+    "engines.csv campaign.csv"
+).split()
 
 OF_CONTACTS = ("force_fits.csv", "force_fits.png", "gallery.png", "printed_force.csv", "size_groups.nc")
 

@@ -14,14 +14,9 @@ def relaxing(run, relaxation):
     factor = 1.0 + np.exp(-run["axial_strain"].values / relaxation)
     factor = factor + 1e-4 * np.random.default_rng(0).normal(size=factor.size)
     names = (
-        "coordination_number",
-        "mean_normalised_force",
-        "void_ratio",
-        "contact_anisotropy",
-        "normal_force_anisotropy",
-        "mobilisation",
-        "stress",
-    )
+        "coordination_number mean_normalised_force void_ratio contact_anisotropy normal_force_anisotropy mobilisation "
+        "stress"
+    ).split()
     fixed = {name: run[name].values[-1:] * factor.reshape(-1, *(1,) * (run[name].ndim - 1)) for name in names}
     return run.assign({name: (run[name].dims, value) for name, value in fixed.items()})
 

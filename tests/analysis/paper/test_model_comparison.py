@@ -18,16 +18,9 @@ pytestmark = pytest.mark.long
 
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
 FEW = (
-    "cv-dense",
-    "cv-medium",
-    "cv-loose",
-    "cp_500kPa-medium",
-    "cr_1MPa-loose",
-    "isoc-loose",
-    "isod-dense_high",
-    "cr_500kPa-dense",
-    "cyclic-cyclic_loose",
-)
+    "cv-dense cv-medium cv-loose cp_500kPa-medium cr_1MPa-loose isoc-loose isod-dense_high cr_500kPa-dense "
+    "cyclic-cyclic_loose"
+).split()
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.speed_error.design import BASELINE, PRESET, Case, Design
-from analysis.speed_error.errors import _welch, errors, front
+from analysis.speed_error.errors import errors, front
 from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from analysis.speed_error.table import collect, cost
+from analysis.statistics import welch
 
 SEEDS = (1, 2, 3, 4, 5)
 DESIGN = Design(
@@ -96,7 +97,7 @@ def test_intervals_contain_the_truth_as_often_as_they_say():
     hits = 0
     for _ in range(400):
         a, b = 1.0 + 0.1 * rng.normal(size=4), 1.2 + 0.03 * rng.normal(size=3)
-        hits += abs(a.mean() - b.mean() + 0.2) < _welch(a, b)
+        hits += abs(a.mean() - b.mean() + 0.2) < welch(a, b)
     assert 0.92 < hits / 400 < 0.99
 
 

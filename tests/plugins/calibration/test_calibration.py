@@ -174,18 +174,8 @@ def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
     assert calibrate({"small": labkit.open_run(run_file)}).report() in done.stdout  # with all of its warnings
     table = pandas.read_csv(tmp_path / "p.csv").set_index("parameter")
     assert not table["determined"]["c_com"] and table["fitted"]["c_com"] == 7.2
-    again = labkit_command(
-        "model",
-        "cv",
-        "--void-ratio",
-        0.67,
-        "--pressure",
-        0.5e6,
-        "--parameters",
-        tmp_path / "p.json",
-        "-o",
-        tmp_path / "m.run.nc",
-    )
+    words = ["--void-ratio", 0.67, "--pressure", 0.5e6, "--parameters", tmp_path / "p.json"]
+    again = labkit_command("model", "cv", *words, "-o", tmp_path / "m.run.nc")
     assert again.returncode == 0, again.stderr
     run = labkit.open_run(tmp_path / "m.run.nc")
     used = json.loads(run.attrs["model"])["parameters"]

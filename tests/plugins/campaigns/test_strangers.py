@@ -87,28 +87,11 @@ def test_settings_of_libraries_in_the_folder_are_refused(name, tmp_path, capsys)
     assert f"c/{name} would change what the jobs do" in capsys.readouterr().err
 
 
-LINKS = [
-    "recipes/run.cv.json",
-    "recipes/specimen.a.json",
-    "campaign.yaml",
-    "logs/snakemake.log",
-    "logs/run.cv.log",
-    "specimens/a.state.nc",
-    "unfinished/cv.0123456789ab.run.nc",
-    "runs/cv.run.nc",
-    "statistics/cv.nc",
-    "figures/cv.png",
-    "plan.json",
-    "report.md",
-    "report.md.provenance.json",
-    "overview.png",
-    "recipes",
-    "logs",
-    "unfinished",
-    "outdated",
-    "extensions",
-    ".snakemake",
-]
+LINKS = (
+    "recipes/run.cv.json recipes/specimen.a.json campaign.yaml logs/snakemake.log logs/run.cv.log "
+    "specimens/a.state.nc unfinished/cv.0123456789ab.run.nc runs/cv.run.nc statistics/cv.nc figures/cv.png plan.json "
+    "report.md report.md.provenance.json overview.png recipes logs unfinished outdated extensions .snakemake"
+).split()
 
 
 @pytest.mark.parametrize("name", LINKS)

@@ -143,6 +143,16 @@ def test_the_shift_of_lees_edwards_boundaries_is_kept(tmp_path, box, tilt):
     assert "density 2000 (--density), stiffness 1000, dissipation 2, a 1, b 2: not used" in texts and "c 3" not in texts
 
 
+def test_a_restart_with_all_boundaries_has_its_own_box_and_no_walls(tmp_path):
+    periodic = "PeriodicBoundary id 1 normal 0 0 1 scaleFactor 1 distanceLeft 0 distanceRight 10 shift 0 0 10"
+    wall = "LinearViscoelasticInteraction particleId 7 wallId 0 timeStamp 1 force 0 1 0 torque 0 0 0"
+    text = MERCURY.replace("Boundaries 1", f"Boundaries 2\n{periodic}")
+    text = text.replace("Interactions 1", f"Interactions 2\n{wall}")
+    found = read(written(tmp_path, text, "two.restart"), length_unit="mm", force_unit="N")
+    np.testing.assert_allclose(found.cell, 1e-3 * np.array([[10, 2, 0], [0, 10, 0], [0, 0, 10]]))
+    assert "1 contacts with walls are left out" in map(str, found.findings) and len(found.grain) == 1
+
+
 @pytest.mark.parametrize("version", ["2", "3", "4beta"])
 def test_old_versions_of_mercury_are_named(tmp_path, version):
     file = written(tmp_path, f"restart_version {version}\nname chute\nxmin 0 xmax 1\nParticles 0\n", "old.restart")

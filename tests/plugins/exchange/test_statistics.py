@@ -121,11 +121,7 @@ def test_contacts_of_lammps_agree_with_its_virial(lammps_files, grains):
     """Test a triclinic box; LAMMPS dumps its bounding box. The virial is the upper triangle of Love's stress."""
     folder, virial = lammps_files
     snapshot = import_snapshot(
-        folder / grains,
-        contacts=folder / "contacts.local",
-        contact_columns=LOCAL,
-        length_unit="m",
-        force_unit="N",
+        folder / grains, contacts=folder / "contacts.local", contact_columns=LOCAL, length_unit="m", force_unit="N"
     )
     love = lk.love_stress(snapshot)
     upper = np.array([love[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])

@@ -7,7 +7,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli.dispatch import main
-from labkit.plugins.exchange import read
+from labkit.plugins.exchange import import_snapshot, read
 
 ROWS = "1,1,1,0.5\n1,1,1.99,0.5\n3,3,3,0.5\n"
 GIVEN = {"box": "4", "first_id": 0, "force_sign": "compression", "force_on": "first"}
@@ -59,6 +59,7 @@ def test_a_header_without_a_unit_has_the_given_one(tmp_path):
     require_two_in_contact(read(file, box="4", length_unit="mm"))
     with pytest.raises(lk.InputError, match="no length unit"):
         read(file, box="4")
+    assert len(import_snapshot(file, box="4", length_unit="mm").contacts) == 1
     voxels = written(tmp_path, f"x [px],y [px],z [px],radius [px]\n{ROWS}")
     require_two_in_contact(read(voxels, box="4", length_unit="1 mm"))
 

@@ -50,10 +50,7 @@ def test_the_preview_says_rows_ranges_units_and_unused_columns(tmp_path):
 
 
 CASES = {
-    "second test": (
-        {"rows": [*ROWS, *ROWS]},
-        "falls from 8.338 % to 0 % in line 7: is this a second test",
-    ),
+    "second test": ({"rows": [*ROWS, *ROWS]}, "falls from 8.338 % to 0 % in line 7: is this a second test"),
     "second test, column": (
         {"rows": [f"{row},{name}" for name in "AB" for row in ROWS], "head": "eps,epsv,s1,s3,hole"},
         "Give --rows hole=A or hole=B",
@@ -152,10 +149,7 @@ CASES = {
         "path cv keeps the volume, but the volumetric strain reaches 0.4.* give the path of a drained test",
     ),
     "stresses of nothing": (
-        {
-            "rows": ["0,0,0.1,0.1", "1,0,0.2,0.1"],
-            "path": lk.paths.ConstantVolume(strain=0.2),
-        },
+        {"rows": ["0,0,0.1,0.1", "1,0,0.2,0.1"], "path": lk.paths.ConstantVolume(strain=0.2)},
         "stresses reach 0.2 kPa: is their unit right",
     ),
 }

@@ -11,12 +11,7 @@ from labkit.plugins.laboratory_data.table import read_laboratory_columns
 from labkit.plugins.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor, unit_in_header
 
 HEADERS = ["\u03b5\u2081", "\u03b5v", "\u03c3\u2081", "\u03c3\u2083"]
-ROWS = [
-    (0.0, 0.0, 100.25, 100.25),
-    (0.5, 0.125, 180.5, 100.0),
-    (1.0, -0.25, 1100.75, 99.5),
-    (2.0, -0.5, 1234.0, 100.0),
-]
+ROWS = [(0.0, 0.0, 100.25, 100.25), (0.5, 0.125, 180.5, 100.0), (1.0, -0.25, 1100.75, 99.5), (2.0, -0.5, 1234.0, 100.0)]
 LATIN = ["Stauchung", "Volumen\u00e4nderung", "Axialdruck", "Zelldruck"]
 
 
@@ -63,6 +58,12 @@ def test_separators_decimal_marks_and_thousands_give_the_same_numbers(tmp_path, 
     require_rows(found := columns_of(file))
     assert found.units == (dict(zip(HEADERS, ["[%]", "[%]", "[kPa]", "[kPa]"], strict=True)) if units else {})
     assert list(found.lines) == [2 + units, 3 + units, 4 + units, 5 + units]
+
+
+def test_another_mark_between_thousands_can_be_given(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text(form(";", False, False, "_"), encoding="utf-8")
+    require_rows(columns_of(file, thousands="_"))
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])

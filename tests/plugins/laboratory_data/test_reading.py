@@ -129,3 +129,5 @@ def test_the_commands_read_and_compare_measured_tests(table, tmp_path, capsys):
     assert "stress_ratio" in capsys.readouterr().out
     assert main([*given, "--column", "axial_strain=eps", "-o", file]) == 2
     assert "HEADER:UNIT:SIGN" in capsys.readouterr().err
+    assert main([*given, "--column", "void_ratio=none: x:1", "-o", file]) == 2
+    assert "none: x" in (said := capsys.readouterr().err) and "none: x:1" not in said

@@ -1,0 +1,221 @@
+"""Tables, figure and page of analysis.sand.with_fabric: `python -m analysis.sand.with_fabric_table [FOLDER]`.
+
+FOLDER is that of the samples, which are copied to results/sand; without it the stored copies are used.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+from analysis.pages import render
+from analysis.pictures import save
+from analysis.sand import karlsruhe, undrained
+from analysis.sand.karlsruhe import OTHERS, RESULTS, grain_tests
+from analysis.sand.score import constant_intervals, interval_score, means, scored
+from analysis.sand.with_fabric import (
+    DEVIATIONS,
+    DRAINED,
+    FREE,
+    LEFT,
+    SANDS,
+    TRAINED,
+    fabric_tests,
+    lines_of,
+    undrained_of,
+)
+from labkit.plugins.laboratory_data import Sample, posterior_of, read_samples
+
+FILES = {name: RESULTS / f"with_fabric_{name}.jsonl" for name in ("samples", "draws")}
+LEAST_DRAWS = 3
+TRAININGS = {
+    "drained and compression": (DRAINED, TRAINED),
+    "drained": (DRAINED,),
+    "compression": (TRAINED,),
+    "drained, compression and extension": (DRAINED, TRAINED, LEFT),
+}
+POINTS = [f"{LEFT}: {name}" for name in ("least p/p_0", "largest |q/p|", "ln of |q|/p_0 at 3 %")]
+CYCLES = "cycles to r_u = 0.95"
+LOW, HIGH = np.array([*FREE.values()]).T
+
+
+def predictions(draws: Sequence[dict], unexplained: float) -> pandas.DataFrame:
+    """Tabulate the features of all tests with their 90 % intervals beside the measured ones; the kind is in `tests`."""
+    drained = {name: karlsruhe.features(karlsruhe.curves(run)) for name, run in grain_tests(OTHERS).measured.items()}
+    rows = []
+    for kind, known in {"drained": drained, "undrained": json.loads(undrained.MEASURED.read_text())}.items():
+        for name, values in known.items():
+            found = [draw["tests"][name]["features"] for draw in draws if "features" in draw["tests"].get(name, {})]
+            for feature, value in values.items():
+                scatter = (
+                    karlsruhe.SCATTERS[feature] if kind == "drained" else undrained.scatter_of(feature, value)
+                ) * unexplained
+                row = karlsruhe.prediction(value, np.array([one[feature] for one in found]), scatter)
+                rows.append({"tests": kind, "test": name, "feature": feature, "draws": len(found)} | row)
+    return pandas.DataFrame(rows)
+
+
+def scores(table: pandas.DataFrame) -> pandas.DataFrame:
+    """Number inside and interval score of each kind of tests: this study, the first one, a constant."""
+    before = {"drained": "predictions.csv", "undrained": "undrained.csv"}
+    first = {kind: pandas.read_csv(RESULTS / file) for kind, file in before.items()}
+    now = {kind: own for kind, own in table.groupby("tests")}
+    untrained = {"undrained, not trained on": now["undrained"][now["undrained"]["test"] != TRAINED]}
+    untrained_before = {"undrained, not trained on": first["undrained"][first["undrained"]["test"] != TRAINED]}
+    both = []
+    for tables in (first | untrained_before, now | untrained):
+        both.append(means([row for kind, own in tables.items() for row in scored(own, kind)]).set_index("tests"))
+    renamed = both[0][["inside", "score"]].rename(columns={"inside": "inside before", "score": "score before"})
+    return both[1].join(renamed).reset_index()
+
+
+def posteriors(samples: Sequence[Sample]) -> pandas.DataFrame:
+    """Quantiles of the parameters after each training."""
+    made = []
+    for name, trained in TRAININGS.items():
+        table = posterior_of(fabric_tests(trained), samples).table().rename_axis("parameter").reset_index()
+        made.append(table.assign(training=name))
+    return pandas.concat(made)[["training", "parameter", "5 %", "50 %", "95 %"]]
+
+
+def left_of(sample: Sample) -> list[float]:
+    """Return the points of LEFT of a sample that did not fail."""
+    return (sample.points or [])[-3:]
+
+
+def emulated(samples: Sequence[Sample], draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation (3,) of the points of LEFT over draws, (n, parameters): Gaussian processes."""
+    x = np.array([[sample.parameters[name] for name in FREE] for sample in samples])
+    points = np.array([left_of(sample) for sample in samples])
+    kernel = ConstantKernel() * RBF(np.ones(len(FREE)), (0.5, 10.0)) + WhiteKernel(0.1, (1e-3, 1.0))
+    moments = []
+    for values in points.T:
+        process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
+        process.fit((x - LOW) / (HIGH - LOW), values)
+        mean, deviation = process.predict((draws - LOW) / (HIGH - LOW), return_std=True)
+        moments.append((mean.mean(), np.sqrt(mean.var() + np.mean(deviation**2))))
+    centre, spread = np.array(moments).T
+    return centre, spread
+
+
+def untrained(samples: Sequence[Sample], given: Sequence[float] = ()) -> dict[str, np.ndarray]:
+    """Train on drained tests and compression; return what this says of the parameters and of the points of LEFT."""
+    tests = fabric_tests(given=given)
+    draws = posterior_of(tests, samples).draws
+    centre, spread = emulated(samples, draws[[*FREE]].to_numpy()[::20])
+    half = 1.645 * np.hypot(spread, draws["misfit"].median() * np.array(DEVIATIONS))
+    low, middle, high = np.quantile(draws[[*FREE]].to_numpy(), (0.05, 0.5, 0.95), axis=0)
+    measured = tests.points(tests.measured)[-3:]
+    parts = {"low": (low, centre - half), "middle": (middle, centre), "high": (high, centre + half)}
+    return {name: np.concatenate(both) for name, both in parts.items()} | {"measured": measured}
+
+
+def beside_the_first(found: dict[str, np.ndarray]) -> pandas.DataFrame:
+    """Tabulate the untrained test: prediction, inside and interval score, beside the first study and a constant.
+
+    The constant is the mean of the other extension tests. |q| is compared in kPa, as in the first study.
+    """
+    first = pandas.read_csv(RESULTS / "undrained.csv")
+    first = first[first["test"].str.contains("extension")]
+    rows = []
+    for k, (feature, own) in enumerate(first.groupby("feature", sort=False)):
+        inside = (own["test"] == LEFT).to_numpy()
+        low, middle, high = (found[name][len(FREE) + k] for name in ("low", "middle", "high"))
+        if feature.startswith("|q| at"):
+            low, middle, high = (1e-3 * undrained_of(LEFT)[1] * np.exp([low, middle, high])).tolist()
+        x, spread = own["measured"].to_numpy(), own["measured"].std(ddof=1)
+        constant = [edge[inside] for edge in constant_intervals(x)]
+        before = [own[name].to_numpy()[inside] for name in ("low", "high")]
+        row = {"feature": feature, "measured": x[inside][0], "predicted": middle, "low": low, "high": high}
+        for name, edges in (("", (low, high)), (" before", before), (" of constant", constant)):
+            edges = [np.atleast_1d(edge) for edge in edges]
+            row[f"inside{name}"] = bool(edges[0] <= x[inside] <= edges[1])
+            row[f"score{name}"] = float(interval_score(x[inside], *edges)[0] / spread)
+        rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def hidden(samples: Sequence[Sample]) -> pandas.DataFrame:
+    """Are parameters and the untrained test of sands among the samples recovered? A row per quantity.
+
+    Each sample that fills the ranges is a sand, calibrated with the others.
+    """
+    scale = np.concatenate([HIGH - LOW, np.std([left_of(sample) for sample in samples], axis=0)])
+    inside, widths, errors = [], [], []
+    for k, sand in enumerate(samples[:SANDS]):
+        one = untrained([*samples[:k], *samples[k + 1 :]], sand.points or ())
+        truth = np.array([*sand.parameters.values(), *left_of(sand)])
+        inside.append((one["low"] <= truth) & (truth <= one["high"]))
+        widths.append((one["high"] - one["low"]) / scale)
+        errors.append(np.abs(one["middle"] - truth) / scale)
+    columns = {"inside": np.sum(inside, axis=0), "of": len(inside)}
+    columns |= {"mean width": np.mean(widths, axis=0), "mean error": np.mean(errors, axis=0)}
+    return pandas.DataFrame({"quantity": [*FREE, *POINTS], **columns})
+
+
+def draw(table: pandas.DataFrame, file: Path) -> None:
+    """Draw the undrained features of each test: measured, and the intervals of both studies."""
+    before = pandas.read_csv(RESULTS / "undrained.csv")
+    figure, panels = plt.subplots(1, 3, figsize=(11, 4.4), layout="constrained", sharey=True)
+    names = [*undrained.MONOTONIC]
+    for axes, feature in zip(panels, undrained.SCATTERS, strict=True):
+        for own, offset, colour, label in ((before, 0.2, "0.6", "first study"), (table, -0.2, "C0", "this study")):
+            rows = own[own["feature"] == feature].set_index("test").loc[names]
+            y = np.arange(len(names)) + offset
+            axes.hlines(y, rows["low"], rows["high"], color=colour, lw=3, label=label)
+        axes.plot(rows["measured"], np.arange(len(names)), "k|", ms=14, mew=2, label="measured")
+        axes.set_xlabel(feature)
+        axes.grid(alpha=0.25)
+    panels[2].set_xscale("symlog", linthresh=100.0)
+    panels[0].set_yticks(np.arange(len(names)), [f"{n} *" if n == TRAINED else n for n in names], fontsize=8)
+    panels[0].invert_yaxis()
+    panels[0].legend(fontsize=8)
+    save(figure, file, [*FILES.values()], "python -m analysis.sand.with_fabric_table", dpi=80)
+
+
+def main() -> None:
+    """Write tables, figure and page; the predictions only if there are enough draws."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored copies)")
+    folder = parser.parse_args().folder
+    if folder is not None:
+        for file in FILES.values():
+            if (folder / file.name).exists():
+                shutil.copyfile(folder / file.name, file)
+    samples, draws = read_samples(fabric_tests(), FILES["samples"]), lines_of(FILES["draws"])
+    misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
+    tested = [sample for sample in samples if sample.points is not None]
+    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
+    if len(draws) >= LEAST_DRAWS:
+        tables["predictions"] = predictions(draws, misfit)
+        tables["score"] = scores(tables["predictions"])
+        draw(tables["predictions"], RESULTS / "with_fabric.png")
+    for name, table in tables.items():
+        table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
+        print(table.to_string(float_format="%.3g"))
+    values = {
+        "samples": len(samples),
+        "failed": len(samples) - len(tested),
+        "draws": len(draws),
+        "misfit": misfit,
+        "enough": len(draws) >= LEAST_DRAWS,
+        **tables,
+    }
+    page = render(Path(__file__).with_name("with_fabric_page.md"), values)
+    (RESULTS / "with_fabric.md").write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
