@@ -27,6 +27,9 @@ class FigureOptions:
         "tests drawn, else that of Table 2 for the paper's soil, else no strength is drawn)",
     )
     equation: bool = parameter(True, help="draw the stress-force-fabric equation beside the stress from contacts")
+    step: str | None = parameter(
+        None, kind=str, help="step of a path file to draw, such as 2, or several, such as 4-18 (default: the whole run)"
+    )
     groups: Number[int] = parameter(5, low=1, help="number of grain-size groups")
     snapshot: Number[int] = parameter(-1, help="number of the snapshot; a negative number counts from the end")
 

@@ -69,7 +69,8 @@ def critical_command(
     """Averages the last quarter of each shear test, and says whether it is shown to be a critical state.
 
     It is if the 95 % intervals of the slopes of e, q/p and p stay below 1 % of their means per 10 % strain. Prints a
-    table, the critical-state line if p differs enough, and writes a figure: e and q against p, and the state parameter.
+    table, the critical-state line if p differs enough (e_c, with the half-width of its 95 % interval from three tests
+    on), and writes a figure: e and q against p, and the state parameter.
 
     Example:
         labkit critical cv.run.nc cp.run.nc --csv critical.csv
@@ -90,8 +91,10 @@ def critical_command(
     require_outputs(output, csv)
     print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
     table = critical_states(runs)
+    if (line := line_of(table)) is not None:
+        p = 1e6 * table["p_MPa"]
+        table = table.assign(e_c=line[0].void_ratio(p), e_c_within=line[0].within(p))
     print(table.to_string(index=False, float_format="%.4g"))
-    line = line_of(table)
     print(*mean_strengths(runs, table), *verdicts(table), *([] if line is None else [line[1]]), sep="\n")
     write_outputs(ends_of_tests(runs, table, line), output, table, csv, files)
 

@@ -21,6 +21,7 @@ from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts,
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.results import undrained
 from labkit.results.endings import LABORATORY, path_and_origin
+from labkit.results.path_steps import records_of_steps
 from labkit.results.several import Accessor, for_each_run
 from labkit.sff.c0 import strength_shares
 
@@ -206,6 +207,10 @@ class OfRecords(Accessor):
         """Return the Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""
         return self.quantity("lode_angle", name)
 
+    def step(self, step: int | str) -> xr.Dataset:
+        """Return the records of a step of a path file, `2`, or of several, `"4-18"` (results.path_steps)."""
+        return records_of_steps(self._run, self.path, self._reference, step)
+
     def pore_pressure(self, total: str | None = None) -> xr.DataArray:
         """Return the excess pore pressure u = sigma_total - sigma' of undrained loading, DataArray (time), Pa.
 
@@ -241,9 +246,7 @@ class OfRecords(Accessor):
     def undrained_stress(self) -> np.ndarray | None:
         """Effective stress at the start of undrained loading before this run, (3, 3), Pa; None if there was none."""
         end = self._run.attrs.get("undrained_stress", np.zeros(9)) if self.is_undrained else np.zeros(9)
-        stress = np.reshape(
-            self._run.attrs.get("undrained_before", end), (3, 3)
-        )  # a file of 0.2.0.dev0 has the end only
+        stress = np.reshape(self._run.attrs.get("undrained_before", end), (3, 3))  # 0.2.0.dev0 has the end only
         return stress if stress.any() else None
 
     def double_amplitude(self) -> xr.DataArray:
@@ -275,7 +278,11 @@ class OfRecords(Accessor):
         return xr.DataArray(
             np.array(list(shares.values())),
             dims=("term", "time"),
-            coords={"term": list(shares), "axial_strain": ("time", self._run["axial_strain"].values)},
+            coords={
+                "term": list(shares),
+                "axial_strain": ("time", self._run["axial_strain"].values),
+                "strain": ("time", self.strain().values),
+            },
             attrs={"units": "1", "long_name": "contribution to q/p of C0"},
         )
 

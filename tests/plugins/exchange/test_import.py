@@ -11,7 +11,8 @@ from labkit.grains.state_file import read_state
 from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
-pytestmark = pytest.mark.slow
+# notes on the small specimens, which test_foreign.py and others examine
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::labkit.errors.LabkitWarning")]
 
 EXACT = {"lammps_data": "s.data", "ondem": "s.vtkhdf", "sphere_pack": "s.spheres"}
 
