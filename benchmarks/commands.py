@@ -18,7 +18,7 @@ from benchmarks.engines import HOOKEAN, stock_speed
 from benchmarks.kernel import bandwidth_of, peak_flops
 from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
-from labkit.engines.yade_process import yade_program
+from labkit.engines.yade import yade_program
 from labkit.errors import PhysicsError
 from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains

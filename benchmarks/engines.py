@@ -19,7 +19,7 @@ from benchmarks import lammps as bench_lammps
 from benchmarks.rounds import alternate, ratio
 from benchmarks.speed import read_speeds, speed
 from labkit.engines.base import Progress
-from labkit.engines.yade_process import run_script, yade_program
+from labkit.engines.yade import run_script, yade_program
 from labkit.grains.scene import Scene
 from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains

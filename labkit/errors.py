@@ -148,13 +148,17 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
     return str(error)
 
 
+class LabkitWarning(UserWarning):
+    """A doubt about what the user gave, or a limit that the results exceed."""
+
+
 def warn(*texts: str | None) -> None:
     """Issue warnings, if any, at the user's line: the first one outside of labkit."""
     frames = [frame for frame, _ in traceback.walk_stack(inspect.currentframe())]
     names = [str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames]
     level = next((number for number, name in enumerate(names, 1) if name != "labkit"), 2)
     for text in filter(None, texts):
-        warnings.warn(text, stacklevel=level)
+        warnings.warn(text, LabkitWarning, stacklevel=level)
 
 
 CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # also what reverses a text

@@ -15,3 +15,22 @@ def changed(file):
         yield dataset
         set_hashes(dataset, "data_sha256" in dataset.ncattrs())
     close_with_seal(Path(file))
+
+
+def without(old, new, names):
+    """A copy of a run file without some variables, `name` or `group/name`, or without a group, `group/`."""
+    with netCDF4.Dataset(old) as source, changed(new) as target:
+        for group in (source, *source.groups.values()):
+            prefix = "" if group is source else f"{group.name}/"
+            if prefix in names or prefix == "checkpoint/":
+                continue
+            into = target.createGroup(group.name) if prefix else target
+            into.setncatts({name: group.getncattr(name) for name in group.ncattrs()})
+            for name, dimension in group.dimensions.items():
+                into.createDimension(name, len(dimension))
+            for name, variable in group.variables.items():
+                if prefix + name not in names:
+                    made = into.createVariable(name, variable.dtype, variable.dimensions)
+                    made.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
+                    made[...] = variable[...]
+    return new

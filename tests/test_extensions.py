@@ -237,7 +237,7 @@ BROKEN = {
     "syntax": ("def f(:\n", "cannot be loaded (SyntaxError: "),
     "import": ("import nothing_of_that_name\n", "(bad.py line 1: ModuleNotFoundError: "),
     "exit": ("raise SystemExit(3)\n", "(bad.py line 1: SystemExit: 3)"),
-    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "name cv "),
+    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "is refused: name cv "),
     "name of a law": (MINE.replace('"tired"', '"rolling_resistance"'), "rolling_resistance "),
     "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is already the"),
     "name of a quantity": (MINE.replace('"largest_force", long', '"r_u", long'), "name r_u is already the name of a"),
@@ -507,3 +507,25 @@ def test_a_signal_while_a_file_is_loaded_stays_a_signal(error, tmp_path):
     (tmp_path / "own.py").write_text(f"import labkit.errors\nraise {error}\n")
     with pytest.raises((KeyboardInterrupt, Interrupted)):
         lk.use(tmp_path / "own.py")
+
+
+def test_a_file_that_fails_registers_nothing(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import labkit\n\n@labkit.register_shape\nclass Half(labkit.Shape):\n    name = 'half'\n\nraise ValueError\n"
+    )
+    with pytest.raises(lk.InputError, match=r"own\.py line 7"):
+        lk.use(tmp_path / "own.py")
+    with pytest.raises(lk.InputError, match="shape 'half' is unknown"):
+        lk.Recipe(0.67, shape="half")
+
+
+def test_a_folder_is_no_file_of_extensions(tmp_path):
+    with pytest.raises(lk.InputError, match="is not a file"):
+        lk.use(tmp_path)
+
+
+@pytest.mark.parametrize("kind", [object(), object, 5, None])
+@pytest.mark.parametrize("register", ["register_law", "register_path", "register_shape", "register_engine"])
+def test_what_is_no_subclass_is_not_registered(register, kind):
+    with pytest.raises(lk.InputError, match="is not a subclass of labkit"):
+        getattr(lk, register)(kind)

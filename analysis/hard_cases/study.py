@@ -76,7 +76,7 @@ class HardCases(Study):
     def numbers(self, tables: StoredTables) -> Values:
         table = tables["hard_cases"]
         text = ["did", "failed", "guard"]
-        table[text] = table[text].fillna("").map(lambda words: words.replace(" | ", "; ").rstrip("."))
+        table[text] = table[text].astype(object).fillna("").map(lambda words: words.replace(" | ", "; ").rstrip("."))
         return {
             "outcomes": table.assign(
                 failed=[f" **Failed: {words}.**" * bool(words) for words in table["failed"]],

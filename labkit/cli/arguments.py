@@ -32,7 +32,7 @@ from labkit.files.atomic import target_of
 from labkit.parameters import DECIMAL_COMMA, Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS
 
 STRAIN = Parameter("strain")
 OUTPUTS = ("output", "csv", "json", "figure")  # options that name a file to write

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from labkit.cli.arguments import Option
 from labkit.cli.dispatch import main
 from labkit.cli.registry import command
-from labkit.engines.yade_process import find_yade
+from labkit.engines.yade import find_yade
 from labkit.errors import InputError
 from labkit.files.atomic import require_no_link
 from labkit.files.writable import make_folder

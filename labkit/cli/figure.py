@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Instance, Option, one_of
-from labkit.cli.outputs import figure_name, require_outputs, write_outputs
+from labkit.cli.outputs import name_beside, require_outputs, write_outputs
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import runs_by_name
@@ -27,6 +27,9 @@ class FigureOptions:
         "tests drawn, else that of Table 2 for the paper's soil, else no strength is drawn)",
     )
     equation: bool = parameter(True, help="draw the stress-force-fabric equation beside the stress from contacts")
+    step: str | None = parameter(
+        None, kind=str, help="step of a path file to draw, such as 2, or several, such as 4-18 (default: the whole run)"
+    )
     groups: Number[int] = parameter(5, low=1, help="number of grain-size groups")
     snapshot: Number[int] = parameter(-1, help="number of the snapshot; a negative number counts from the end")
 
@@ -74,7 +77,7 @@ def figure_command(
         raise InputError("draws one run", field="figure", value=figure, allowed="one file")
     runs = {} if draw.needs == "probes" else runs_by_name(run)
     first = open_whole(run[0], "probes") if draw.needs == "probes" else next(iter(runs.values()))
-    output = output or figure_name(run[0], options.variable or figure)
+    output = output or name_beside(run[0], f".{options.variable or figure}.png")
     require_outputs(output, csv)
     changed = {name: value for name, value in vars(options).items() if value != getattr(STANDARD, name)}
     drawn, table = draw(runs if len(runs) > 1 else first, **changed)
@@ -103,7 +106,7 @@ def grading_command(
     from labkit.grains.state_file import read_state
 
     state = read_state(file)
-    output = output or figure_name(file, "grading")
+    output = output or name_beside(file, ".grading.png")
     require_outputs(output, csv)
     table = grading_figure.grading_table(state)
     print(table.to_string(index=False, float_format="%.4g"))

@@ -52,10 +52,7 @@ class InitialState:
         0.0, low=-360.0, high=360.0, help="angle between the axis of the initial anisotropy and z, degrees"
     )
     stop_pressure: float | None = parameter(
-        None,
-        unit="Pa",
-        above=0.0,
-        help="final mean stress of isoc and isod (default: 3e6 for isoc, 20e3 for isod)",
+        None, unit="Pa", above=0.0, help="final mean stress of isoc and isod (default: 3e6 for isoc, 20e3 for isod)"
     )
     record_strain: float | None = parameter(
         None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
@@ -91,8 +88,7 @@ def model_command(
     start: Annotated[Texts, ParameterTexts(InitialState, "initial state and integration")],
     loading: Annotated[Texts, PathOptions(leave_out=("pressure",))],
     model: Annotated[
-        str,
-        Option(f"constitutive law, one of {', '.join(MODELS)}", "NAME", type=one_of(MODELS)),
+        str, Option(f"constitutive law, one of {', '.join(MODELS)}", "NAME", type=one_of(MODELS))
     ] = "labkit",
     beyond_e_cmax: BeyondECmax = "error",
     parameters: ModelParameters = None,
@@ -120,7 +116,7 @@ def model_command(
     from labkit.records.limits import exceeded_limits
 
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
-    kind, written = named_path(word)
+    kind, written, _ = named_path(word)
     file_pressure = written.pop("pressure", None)
     if file_pressure is not None:
         field = "stop_pressure" if stops_at_pressure(kind) else "pressure"

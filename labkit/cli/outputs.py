@@ -105,9 +105,9 @@ def model_name(path: str, kind: type[Path], start: type, texts: Texts, law: str 
     )
 
 
-def figure_name(run: str, what: str) -> str:
-    """Build the name of a figure in the folder of a run, state or probes file."""
-    return str(File(run).with_name(f"{stem(run)}.{what}.png"))
+def name_beside(file: str, ending: str) -> str:
+    """Build the name of an output in the folder of a run, state or probes file; `ending` is such as `.verify.png`."""
+    return str(File(file).with_name(stem(file) + ending))
 
 
 def tell_replaced(file: str) -> None:

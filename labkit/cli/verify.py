@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Csv, History, Option, strain
-from labkit.cli.outputs import figure_name, require_outputs, write_outputs
+from labkit.cli.outputs import name_beside, require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.files.provenance import write_with_provenance
 
@@ -34,7 +34,7 @@ def verify_command(
 
     runs = runs_by_name(run)
     verify.require_simulations(runs)
-    figure = output or figure_name(run[0], "verify")
+    figure = output or name_beside(run[0], ".verify.png")
     require_outputs(figure, csv)
     findings = {name: verify.findings(each) for name, each in runs.items()}
     for name, each in runs.items():
@@ -69,7 +69,8 @@ def critical_command(
     """Averages the last quarter of each shear test, and says whether it is shown to be a critical state.
 
     It is if the 95 % intervals of the slopes of e, q/p and p stay below 1 % of their means per 10 % strain. Prints a
-    table, the critical-state line if p differs enough, and writes a figure: e and q against p, and the state parameter.
+    table, the critical-state line if p differs enough (e_c, with the half-width of its 95 % interval from three tests
+    on), and writes a figure: e and q against p, and the state parameter.
 
     Example:
         labkit critical cv.run.nc cp.run.nc --csv critical.csv
@@ -90,8 +91,10 @@ def critical_command(
     require_outputs(output, csv)
     print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
     table = critical_states(runs)
+    if (line := line_of(table)) is not None:
+        p = 1e6 * table["p_MPa"]
+        table = table.assign(e_c=line[0].void_ratio(p), e_c_within=line[0].within(p))
     print(table.to_string(index=False, float_format="%.4g"))
-    line = line_of(table)
     print(*mean_strengths(runs, table), *verdicts(table), *([] if line is None else [line[1]]), sep="\n")
     write_outputs(ends_of_tests(runs, table, line), output, table, csv, files)
 

@@ -5,7 +5,6 @@ device        an engine together with its hardware
 sorting       the order in which a State lists contacts
 server        engines whose grains are in another process, and the messages to that process
 yade          the YADE engine, the reference
-yade_process  finds YADE and runs scripts in YADE
 followers     MPI ranks: their start, their end, and how they repeat the calls of an engine
 on_ranks      an engine on MPI ranks, as the run sees it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
@@ -28,8 +27,8 @@ if TYPE_CHECKING:
     from labkit.engines.device import device_of as device_of
     from labkit.engines.fused import FusedEngine as FusedEngine
     from labkit.engines.yade import YadeEngine as YadeEngine
-    from labkit.engines.yade_process import find_yade as find_yade
-    from labkit.engines.yade_process import run_script as run_script
-    from labkit.engines.yade_process import yade_program as yade_program
+    from labkit.engines.yade import find_yade as find_yade
+    from labkit.engines.yade import run_script as run_script
+    from labkit.engines.yade import yade_program as yade_program
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

@@ -10,16 +10,7 @@ from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
-from labkit.engines.base import (
-    ENGINES,
-    Advance,
-    Answer,
-    Engine,
-    Load,
-    Request,
-    Result,
-    engine_class,
-)
+from labkit.engines.base import ENGINES, Advance, Answer, Engine, Load, Request, Result, engine_class
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State

@@ -32,10 +32,9 @@ from labkit.engines.base import Engine
 from labkit.engines.server import ENDING, RESUME, SILENCE, last_line, printed, start_process, wait_for_program
 from labkit.errors import InputError, PhysicsError, ProgramError, fail
 from labkit.grains.state import State
-from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command, require_library
 from labkit.process.interruption import die_with_parent, ending_signals
-from labkit.process.system import number_of_cores
+from labkit.process.system import number_of_cores, without_current_folder
 from labkit.version import __version__
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
@@ -68,7 +67,11 @@ def mpi_library() -> Any:
 def launcher() -> list[str]:
     """Return the command that starts MPI programs. Raises InputError if none is found."""
     if os.environ.get(LAUNCHER):
-        return shlex.split(os.environ[LAUNCHER])
+        try:
+            return shlex.split(os.environ[LAUNCHER])
+        except ValueError:
+            problem = f"{LAUNCHER}={os.environ[LAUNCHER]} has a quote without its partner"
+            raise InputError(f"{problem}: name the command of the cluster") from None
     beside = Path(sys.executable).parent  # the launchers of the MPI library that pip installed
     program = shutil.which(LOCAL, path=beside) or shutil.which("mpiexec", path=beside) or shutil.which("mpiexec")
     if not program:

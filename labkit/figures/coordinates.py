@@ -145,6 +145,21 @@ ERROR = Coordinate(
 )
 
 
+def same_u(runs: Runs) -> Coordinate:
+    """Return the coordinate u with one definition for all runs: as measured, else with the same constant total."""
+    totals = [run.lab.total for run in runs.values()]
+    total = next((each for each in totals if each != "mean"), "mean")
+
+    def quantity(run: xarray.Dataset) -> xarray.DataArray:
+        return run.lab.pore_pressure(None if "measured_pore_pressure" in run else total)
+
+    def label(run: xarray.Dataset) -> str:
+        how = "measured" if "measured_pore_pressure" in run else f"constant total {total} stress"
+        return f"excess pore pressure u (MPa){BREAK}{how}"
+
+    return Coordinate(label, lambda run, _: quantity(run).values / 1e6)
+
+
 def same_q(runs: Runs) -> tuple[Coordinate, Coordinate]:
     """Return coordinates q and q/p with one definition for all runs: the invariants if only some are axisymmetric."""
     mixed = len({run.lab.axisymmetric for run in runs.values()}) > 1

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from labkit.figures.coordinates import INVARIANT, STRAIN, VOID_RATIO, P, same_q
 from labkit.figures.frame import Runs, colors_for, columns_of, new_panels, plain, plain_ticks
 from labkit.results.critical import CriticalLine
+from labkit.results.stationary import CONFIDENCE
 
 MARKERS = "os^vDP*X<>"
 
@@ -25,7 +26,7 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
     Args:
         runs: Name -> run opened with labkit.open_run.
         states: The table critical_states of these runs.
-        line: Critical-state line and its label (labkit.results.critical.line_of).
+        line: Critical-state line, drawn with its 95 % interval, and its label (labkit.results.critical.line_of).
     """
     figure, (left, middle, right) = new_panels(1, 3, 4.4)
     q, _ = same_q(runs)
@@ -52,7 +53,12 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
     )
     if line is not None:
         p = np.geomspace(*line[0].pressures, 50)
-        handles += left.plot(p / 1e6, line[0].void_ratio(p), "k--", lw=1.2, label=line[1])
+        e, within = line[0].void_ratio(p), line[0].within(p)
+        handles += left.plot(p / 1e6, e, "k--", lw=1.2, label=line[1])
+        if np.isfinite(within).all():
+            interval = left.fill_between(p / 1e6, e - within, e + within, color="0.85", zorder=0)
+            interval.set_label(f"{CONFIDENCE:.0%} interval of the line".replace("%", " %"))
+            handles.append(interval)
         right.axhline(0.0, color="0.5", lw=0.8)
     shown = {"mean of the last quarter, shown to be critical": "0.3", "not shown to be critical": "white"}
     handles += [Line2D([], [], marker="o", ls="", color="0.3", mfc=fill, label=text) for text, fill in shown.items()]

@@ -70,7 +70,7 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 
 @register_figure("test", needs="records", several=True)
 def test(run: xarray.Dataset | Runs, equation: bool = True) -> tuple[Figure, pandas.DataFrame]:
-    """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
+    """Draw tests: q, p, q/p and volumetric strain (undrained: u) against the strain, q against p, and e against log p.
 
     Stresses are drawn from Love's formula and, unless `equation=False`, from the equation by volume, or C0 if the file
     is older.
@@ -91,7 +91,11 @@ def test(run: xarray.Dataset | Runs, equation: bool = True) -> tuple[Figure, pan
     figure, panels = new_panels(2, 3, 6.2 + 0.22 * (len(runs) // 4))
     q, ratio = same_q(runs)
     pairs = [(STRAIN, q), (STRAIN, P), (P, q), (STRAIN, ratio)]
-    pairs += [(STRAIN, coordinates.VOLUMETRIC), (coordinates.LOG_P, coordinates.VOID_RATIO)]
+    last = coordinates.VOLUMETRIC
+    if all(run.lab.is_undrained for run in runs.values()):
+        last = coordinates.same_u(runs)
+        columns["pore_pressure_Pa"] = lambda run: 1e6 * last.values(run, "stress")
+    pairs += [(STRAIN, last), (coordinates.LOG_P, coordinates.VOID_RATIO)]
     draw_runs(panels.ravel(), runs, pairs, equation)
     for axes in panels.flat[:4]:
         frame.include_zero(axes, "y")
@@ -154,9 +158,7 @@ def _components(values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def e_p_paths(
-    runs: Runs,
-    critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
-    width: float = WIDTH,
+    runs: Runs, critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None, width: float = WIDTH
 ) -> Figure:
     """Draw shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; returns a Figure.
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from labkit.errors import InputError
 from labkit.text.foreign import require_modest
@@ -43,7 +44,7 @@ class Attributes:
         except KeyError:
             raise AttributeError(f"NetCDF: there is no attribute {name}") from None
 
-    def setncatts(self, values: Mapping[str, Any]) -> None:
+    def setncatts(self, values: Mapping[str, object]) -> None:
         """Set several values."""
         self._attributes |= {
             name: value if isinstance(value, str) else np.array(value)[()] for name, value in values.items()
@@ -52,7 +53,7 @@ class Attributes:
     def __getattr__(self, name: str) -> Any:
         return self.getncattr(name)
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if name in OWN:
             object.__setattr__(self, name, value)
         else:
@@ -74,7 +75,7 @@ class NamedArray(Attributes):
         self.name, self.values, self.dimensions = name, values, dimensions
 
     @property
-    def dtype(self) -> np.dtype[Any]:
+    def dtype(self) -> np.dtype:
         """Type of the values."""
         return self.values.dtype
 
@@ -86,7 +87,7 @@ class NamedArray(Attributes):
     def __getitem__(self, rows: Any) -> np.ma.MaskedArray:
         return np.ma.array(self.values[rows])
 
-    def __setitem__(self, rows: Any, values: Any) -> None:
+    def __setitem__(self, rows: Any, values: ArrayLike) -> None:
         values = np.asarray(values)
         end = rows.stop if isinstance(rows, slice) else None
         end = len(values) if isinstance(rows, slice) and end is None and values.ndim else end
@@ -116,7 +117,7 @@ class Group(Attributes):
         self.groups[name] = Group(f"{self.path.rstrip('/')}/{name}", self)
         return self.groups[name]
 
-    def createVariable(self, name: str, kind: Any, dimensions: tuple[str, ...], **storage: Any) -> NamedArray:  # noqa: N802
+    def createVariable(self, name: str, kind: Any, dimensions: tuple[str, ...], **storage: object) -> NamedArray:  # noqa: N802
         """Add a variable and return it; how netCDF would store it does not matter."""
         shape = [self._length(dimension) for dimension in dimensions]
         self.variables[name] = NamedArray(name, np.zeros(shape, kind), dimensions)

@@ -276,10 +276,7 @@ def name_failure(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def create_variables(
-    group: netCDF4.Dataset,
-    table: Mapping[str, Variable],
-    sizes: Mapping[str, int],
-    compressed: bool = True,
+    group: netCDF4.Dataset, table: Mapping[str, Variable], sizes: Mapping[str, int], compressed: bool = True
 ) -> None:
     """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
 

@@ -15,15 +15,7 @@ from labkit.errors import InputError, as_typed
 from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.laws.parts import PARAMETERS
-from labkit.parameters import (
-    Keys,
-    Number,
-    Values,
-    check_parameters,
-    parameter,
-    parameters_of,
-    without_option,
-)
+from labkit.parameters import Keys, Number, Values, check_parameters, parameter, parameters_of, without_option
 from labkit.text.html import html_table
 
 Size = TypeVar("Size", float, np.ndarray)

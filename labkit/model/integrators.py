@@ -3,7 +3,7 @@
 The default is the Dormand-Prince 5(4) pair, compiled as one loop: Dormand and Prince, A family of embedded Runge-Kutta
 formulae, J. Comput. Appl. Math. 6 (1980) 19-26.
 
-An integrator advances the state vector of a Problem along a piece of a path without reversal, where the rates are
+An integrator advances the state vector of a Problem along a span of a path without reversal, where the rates are
 smooth except for the change of branch in Eqs. 31 and 32. A step that leaves the domain of the equations, or that does
 not converge, raises PhysicsError stating where; nothing is clipped.
 """
@@ -36,12 +36,12 @@ NODES = np.array(
     ]
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-MOST_STEPS = 100_000  # largest number of steps in one piece
+MOST_STEPS = 100_000  # largest number of steps in one span
 SMALLEST = 1e-13  # a step (strain, or fraction of an increment) below this size means that a boundary is reached
 
 
 class Failure(PhysicsError):
-    """A step failed: its status (labkit.model.rates), the last valid y, and the strain accumulated in the piece."""
+    """A step failed: its status (labkit.model.rates), the last valid y, and the strain accumulated in the span."""
 
     def __init__(
         self, status: int, y: np.ndarray, accumulated_strain: float = 0.0, names: tuple[str, ...] = Model.leading
@@ -102,7 +102,7 @@ class Problem:
 
 
 class Integrator(abc.ABC):
-    """Advances a state vector along a piece of a path."""
+    """Advances a state vector along a span of a path."""
 
     @abc.abstractmethod
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
@@ -113,7 +113,7 @@ class Integrator(abc.ABC):
 
 
 class Adaptive(Integrator):
-    """Dormand-Prince 5(4), compiled, with error control; each piece starts with the step length of the last piece.
+    """Dormand-Prince 5(4), compiled, with error control; each span starts with the step length of the last span.
 
     Raises InputError for a tolerance outside 1e-13 to 0.1.
 
@@ -140,7 +140,7 @@ class Adaptive(Integrator):
 
 
 class Stretch(NamedTuple):
-    """A piece of a path, and the settings with which it is integrated.
+    """A span of a path, and the settings with which it is integrated.
 
     Args:
         span: Strain to cover.

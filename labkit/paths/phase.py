@@ -1,6 +1,6 @@
 """One step of mixed control: prescribed increments of strain and of stress, applied together.
 
-A step consists of n consecutive pieces. In each piece the prescribed strains E and the targets of the held stresses
+A step consists of n consecutive rows. In each row the prescribed strains E and the targets of the held stresses
 change linearly with the accumulated strain t:
 
     D = dE/dt + sum_j x_j P_j        M_i : sigma = M_i : sigma_0 + s_i(t)        i, j = 1 ... k, k <= 6
@@ -33,15 +33,15 @@ class Phase:
     follow.
 
     Args:
-        strain: Prescribed increments of logarithmic strain, compression positive: 9 numbers for each piece, row by row;
+        strain: Prescribed increments of logarithmic strain, compression positive: 9 numbers of a tensor for each row;
             an antisymmetric part is a rotation.
         free: Tensors P_j, 6 numbers per tensor: xx, yy, zz, yz, xz, xy.
         measured: Tensors M_i, 6 numbers per tensor.
-        stress: Increments of the k held stresses, Pa, k numbers for each piece.
-        absolute: True if `stress` contains the values to reach at the ends of the pieces instead of increments.
+        stress: Increments of the k held stresses, Pa, k numbers for each row.
+        absolute: True if `stress` contains the values to reach at the ends of the rows instead of increments.
         over: Accumulated strain of the step, i.e. the rate of the path times the duration of the step (default: the
             largest prescribed strain increment, or the strain that the stress increments are expected to need).
-        durations: Durations of the pieces in the real test that the step describes, s; used only for output.
+        durations: Durations of the rows in the real test that the step describes, s; used only for output.
         until: Condition (labkit.quantities.conditions) that ends the step at a record.
         records: Number of records.
         label: Name of the step in messages.
@@ -66,13 +66,13 @@ class Phase:
                 raise InputError("has a value that is not finite", field=name, allowed="finite numbers")
             object.__setattr__(self, name, tuple(array.tolist()))
         if len(self.strain) % 9 or not self.strain:
-            raise InputError(f"has {len(self.strain)} numbers", field="strain", allowed="9 numbers for each piece")
+            raise InputError(f"has {len(self.strain)} numbers", field="strain", allowed="9 numbers for each row")
         k, rest = divmod(len(self.measured), 6)
-        if rest or len(self.free) != 6 * k or len(self.stress) != self.pieces * k:
-            allowed = "6 numbers in `measured` and in `free` for each held stress, and one in `stress` for each piece"
+        if rest or len(self.free) != 6 * k or len(self.stress) != self.rows * k:
+            allowed = "6 numbers in `measured` and in `free` for each held stress, and one in `stress` for each row"
             raise InputError("does not match the held stresses", field="stress", allowed=allowed)
-        if len(self.durations) not in (0, self.pieces) or min(self.durations, default=0.0) < 0.0:
-            raise InputError(field="durations", value=self.durations, allowed="one for each piece, 0 or more")
+        if len(self.durations) not in (0, self.rows) or min(self.durations, default=0.0) < 0.0:
+            raise InputError(field="durations", value=self.durations, allowed="one for each row, 0 or more")
         self._require_moderate()
         if self.until is not None:
             condition(self.until, "until")
@@ -91,19 +91,19 @@ class Phase:
             raise InputError(field="records", value=self.records, allowed="1 to 1000000")
 
     @property
-    def pieces(self) -> int:
-        """Number of pieces."""
+    def rows(self) -> int:
+        """Number of rows."""
         return len(self.strain) // 9
 
     @functools.cached_property
     def strains(self) -> np.ndarray:
-        """Strain increments of the pieces, (n, 3, 3)."""
+        """Strain increments of the rows, (n, 3, 3)."""
         return np.reshape(self.strain, (-1, 3, 3))
 
     @functools.cached_property
     def stresses(self) -> np.ndarray:
         """The field `stress` as an array (n, k), Pa."""
-        return np.reshape(self.stress, (self.pieces, -1))
+        return np.reshape(self.stress, (self.rows, -1))
 
     @property
     def largest_stress(self) -> float:
@@ -112,14 +112,14 @@ class Phase:
         return float(np.abs(values).max(initial=0.0))
 
     def targets(self, start: np.ndarray) -> np.ndarray:
-        """Return the held stresses at the start and their targets at the ends of the pieces, (n + 1, k), Pa."""
+        """Return the held stresses at the start and their targets at the ends of the rows, (n + 1, k), Pa."""
         start = np.reshape(start, (1, -1))
         return np.concatenate([start, self.stresses if self.absolute else start + np.cumsum(self.stresses, axis=0)])
 
     def target_at(self, completed: object, start: np.ndarray) -> np.ndarray:
         """Return the targets (..., k), Pa, when a fraction `completed` (...) of the step is done; `start` (k,), Pa."""
-        done, targets = np.asarray(completed) * self.pieces, self.targets(start)
-        return np.stack([np.interp(done, np.arange(self.pieces + 1), target) for target in targets.T], axis=-1)
+        done, targets = np.asarray(completed) * self.rows, self.targets(start)
+        return np.stack([np.interp(done, np.arange(self.rows + 1), target) for target in targets.T], axis=-1)
 
     @functools.cached_property
     def measure(self) -> np.ndarray:
@@ -158,7 +158,7 @@ class Phase:
         return self.targets(pressure * self.measure[:, :3].sum(axis=1))
 
     def lengths(self, pressure: float) -> np.ndarray:
-        """Return the accumulated strains of the pieces, (n,), in total at least LEAST, at a mean stress `pressure`, Pa.
+        """Return the accumulated strains of the rows, (n,), in total at least LEAST, at a mean stress `pressure`, Pa.
 
         If the field `over` is given, it is the total.
         """
@@ -167,11 +167,11 @@ class Phase:
         lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
         changes = np.abs(np.diff(self._targets_from(pressure), axis=0)).max(axis=1, initial=0.0)
         if self.absolute:  # the stress at the start, and hence its change, is unknown
-            changes = np.maximum(changes, 0.5 * pressure / self.pieces)
+            changes = np.maximum(changes, 0.5 * pressure / self.rows)
         stiffness = STIFFNESS * max(pressure, self.mean_after(pressure))
         lengths = np.maximum(lengths, changes / stiffness)
         total = self.over or max(float(lengths.sum()), LEAST)
-        share = lengths / lengths.sum() if lengths.sum() > 0.0 else np.full(self.pieces, 1.0 / self.pieces)
+        share = lengths / lengths.sum() if lengths.sum() > 0.0 else np.full(self.rows, 1.0 / self.rows)
         return total * share
 
 

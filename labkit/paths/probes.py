@@ -71,8 +71,7 @@ class StressProbe(_Probe, StressPath):
 
     increment: Numbers = increment_parameter("increment of stress, divided by `pressure`")
     start_stress: Numbers = parameter(
-        (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
-        help=f"stress before the probe, divided by `pressure`: {SIX}",
+        (1.0, 1.0, 1.0, 0.0, 0.0, 0.0), help=f"stress before the probe, divided by `pressure`: {SIX}"
     )
 
     name = "stress_probe"

@@ -31,8 +31,8 @@ class Programme:
         number: Number of the step, from 0.
         length: Accumulated strain of the phase.
         start: Stress at the start, six components in Mandel notation, Pa.
-        knots: Accumulated strains at which `completed` pieces are done, (m + 1,).
-        completed: Numbers of pieces completed at the knots, (m + 1,).
+        knots: Accumulated strains at which `completed` rows are done, (m + 1,).
+        completed: Numbers of rows completed at the knots, (m + 1,).
         least_pressure: Deviation from a target that is always accepted, Pa.
     """
 
@@ -52,7 +52,7 @@ class Programme:
     @property
     def varies(self) -> bool:
         """True if the prescribed rates or the held stresses may change with the accumulated strain."""
-        return bool(self.phase.measured) or self.phase.pieces > 1
+        return bool(self.phase.measured) or self.phase.rows > 1
 
     @property
     def label(self) -> str:
@@ -65,17 +65,17 @@ class Programme:
         total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(self.phase.strains, axis=0)])[self.completed]
         return np.diff(total, axis=0) / np.diff(self.knots)[:, None, None]
 
-    def _piece(self, accumulated: float) -> int:
+    def _row(self, accumulated: float) -> int:
         """Return the index of the interval between knots that contains an accumulated strain."""
         return int(np.clip(np.searchsorted(self.knots, accumulated, side="right") - 1, 0, len(self.knots) - 2))
 
     def share(self, accumulated: float) -> float:
         """Return the completed fraction of the phase."""
-        return float(np.interp(accumulated, self.knots, self.completed)) / self.phase.pieces
+        return float(np.interp(accumulated, self.knots, self.completed)) / self.phase.rows
 
     def rates(self, accumulated: float) -> np.ndarray:
         """Return the prescribed velocity gradient divided by the rate, (3, 3)."""
-        return self._flows[self._piece(accumulated)]
+        return self._flows[self._row(accumulated)]
 
     def target(self, accumulated: float) -> np.ndarray:
         """Return the targets of the held stresses, (k,), Pa."""
@@ -83,7 +83,7 @@ class Programme:
 
     def next_change(self, accumulated: float) -> float:
         """Return the accumulated strain at which the prescribed rates next change abruptly."""
-        return float(self.knots[self._piece(accumulated) + 1])
+        return float(self.knots[self._row(accumulated) + 1])
 
     def interval(self, record_strain: float | None, standard: float) -> float:
         """Return the accumulated strain between two records; `record_strain` is the user's choice, if any."""
@@ -127,10 +127,10 @@ def step_of_phase(
     knots = np.concatenate([[0.0], np.cumsum(phase.lengths(pressure))])
     if here.step_strain:  # round to a whole number of time steps
         knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(difference / here.step_strain)))
-    knots, pieces = np.unique(knots, return_index=True)  # join a piece shorter than a time step with the next piece
-    pieces[-1] = phase.pieces
+    knots, rows = np.unique(knots, return_index=True)  # join a row shorter than a time step with the next row
+    rows[-1] = phase.rows
     start = to_six(symmetric(here.stress))
-    programme = Programme(phase, number, length, start, knots, pieces, least_pressure)
+    programme = Programme(phase, number, length, start, knots, rows, least_pressure)
     control = phase.control(programme.target) if phase.measured else None
     end = StrainReached(difference)
     until = end if phase.until is None else end | RecordMeets(phase.until)

@@ -80,7 +80,7 @@ def mixed_step(variables: Variables, on_stress: tuple[bool, ...], changes: np.nd
     Args:
         variables: The set of variables.
         on_stress: For each variable, True if its stress is prescribed, False if its strain is.
-        changes: Changes of stress, Pa, or strain, (n, 6) for n pieces.
+        changes: Changes of stress, Pa, or strain, (n, 6) for n rows.
         further: Other fields of the Phase.
     """
     chosen = np.array(on_stress, dtype=bool)
@@ -100,7 +100,7 @@ Changes = Mapping[str, float | str | Sequence[float | str]]
 
 
 def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
-    """Convert changes, which may be text with a unit, to a number in SI units for each piece. Raises InputError."""
+    """Convert changes, which may be text with a unit, to a number in SI units for each row. Raises InputError."""
     converted = {}
     for name, change in (changes or {}).items():
         definition = Parameter(name, unit=unit, is_strain=unit == "1")
@@ -123,7 +123,7 @@ def increments(
 ) -> Phase:
     """Return a Phase from changes of named stresses, Pa, and strains; the strains of all other variables stay constant.
 
-    Values are numbers or text with a unit, such as "40 kPa" and "1 %", or lists with a value for each piece.
+    Values are numbers or text with a unit, such as "40 kPa" and "1 %", or lists with a value for each row.
 
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
@@ -132,8 +132,8 @@ def increments(
     stress and strain are both given, and for lists of different lengths.
 
     Args:
-        stress: Changes of stress, Pa, name -> value, or a value for each piece.
-        strain: Changes of strain, name -> value, or a value for each piece.
+        stress: Changes of stress, Pa, name -> value, or a value for each row.
+        strain: Changes of strain, name -> value, or a value for each row.
         variables: Set of variables, such as "cartesian" or "roscoe".
         absolute: True if stresses are values to reach instead of changes.
         over: Accumulated strain of the step.
@@ -151,7 +151,7 @@ def increments(
                 raise InputError("is unknown", field=field, value=name, allowed=allowed, quoted=True)
     lengths = {len(values) for values in (*stress.values(), *strain.values())} - {1}
     if len(lengths) > 1:
-        raise InputError("and strain have lists of different lengths", field="stress", allowed="a value for each piece")
+        raise InputError("and strain have lists of different lengths", field="stress", allowed="a value for each row")
     changes = []
     for s, e in zip(row.stress, row.strain, strict=True):
         if s in stress and e in strain:

@@ -2,7 +2,8 @@
 
 A save copies the file, appends to the copy and renames the copy over the original, so a process killed at any moment
 leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written with all earlier
-records. How long a save takes determines which checkpoints are saved. A thread writes the file while the run computes.
+records. How long a save takes determines which checkpoints are saved. A thread, the Writer, writes the file while the
+run computes.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import dataclasses
 import errno
 import json
 import os
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +25,6 @@ from labkit.errors import InputError, PhysicsError
 from labkit.extensions import is_labkits
 from labkit.files.netcdf import damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
 from labkit.files.schema import BY_VOLUME, ECCENTRICITY, LOSSES, Variable
-from labkit.files.writer import Writer
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
 from labkit.micro.snapshot import Snapshot
@@ -31,8 +33,7 @@ from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.process.interruption import only_writer, require_owner
 from labkit.quantities.recorded import record_table
-from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
-from labkit.records.identity import differences
+from labkit.records.checkpoint import Checkpoint, Position, differences, position_of, ratcheting_of, write_checkpoint
 from labkit.records.ratcheting import Ratcheting
 from labkit.records.recordings import Recordings, append_records, create_run
 
@@ -40,6 +41,48 @@ if TYPE_CHECKING:
     import netCDF4
 
     from labkit.records.memory import RunInMemory
+
+LEAST_PAUSE = 5.0  # least time (s) between the starts of two writes
+SHARE = 0.05  # largest fraction of the time spent on writing
+
+
+class Writer:
+    """Runs one function at a time in a separate thread."""
+
+    def __init__(self) -> None:
+        """Create a writer; no thread is started yet."""
+        self._executor = ThreadPoolExecutor(1)
+        self._running: Future[None] | None = None
+        self._started, self._took = -LEAST_PAUSE, 0.0  # start and duration (s) of the last write
+
+    def start(self, write: Callable[[], None]) -> None:
+        """Start running a function; the previous one must have ended (`wait`)."""
+        self._started = time.monotonic()
+        self._running = self._executor.submit(self._write_and_time, write)
+
+    def is_due(self) -> bool:
+        """Return True if a write should start now: none is running, and the last write is long enough ago."""
+        if self._running is not None and not self._running.done():
+            return False
+        return not 0.0 <= time.monotonic() - self._started < max(LEAST_PAUSE, self._took / SHARE)  # or clock set back
+
+    def wait(self) -> None:
+        """Wait for the running function. Raises the exception with which it ended."""
+        running, self._running = self._running, None
+        if running is not None:
+            running.result()
+
+    def close(self) -> None:
+        """Wait for the running function and end the thread. Raises the exception that ended the function."""
+        try:
+            self.wait()
+        finally:
+            self._executor.shutdown()
+
+    def _write_and_time(self, write: Callable[[], None]) -> None:
+        write()
+        self._took = time.monotonic() - self._started
+
 
 MOST_UNSAVED = 500_000_000  # largest number of bytes of unsaved snapshots
 MARGIN = 900_000  # bytes by which a file may exceed its data: partly filled chunks, HDF5 tables

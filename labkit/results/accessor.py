@@ -17,19 +17,20 @@ from labkit.files.netcdf import name_damage
 from labkit.files.schema import ECCENTRICITY, RECORD
 from labkit.grains.scene import Scene
 from labkit.micro.bodies import snapshot_of_bodies
-from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import Lives, follow, network_stress, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.snapshot import NO_CONTACTS, Contacts, Snapshot, love_stress, require_contacts
 from labkit.micro.stress import mean_stress
 from labkit.results import tables
+from labkit.results.endings import path_and_origin
 from labkit.results.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget
 from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 from labkit.sff.family import FORMS, stress
 
 
+@xr.register_dataset_accessor("lab")
 class Lab(OfRecords):
     """Statistics of a run that was opened with `open_run`, available as `run.lab`."""
 
@@ -52,6 +53,16 @@ class Lab(OfRecords):
     def has_clumps(self) -> bool:
         """True if some grains are clumps of several spheres."""
         return len(self.body_radius) < len(self._radius)
+
+    def _require_grains(self) -> None:
+        """Raise InputError for a prediction of the model or a measured test."""
+        if not self.number_of_grains:
+            raise InputError(f"{path_and_origin(self._run.attrs)}, has no grains: give the run of a simulation")
+
+    @property
+    def contents(self) -> str:
+        """What the cell holds, as text: `400 grains` or `302 clumps`."""
+        return f"{self.number_of_grains} {'clumps' if 'clump' in self._run.sizes else 'grains'}"
 
     @property
     def number_of_snapshots(self) -> int:
@@ -155,23 +166,6 @@ class Lab(OfRecords):
         """Return a Snapshot of the grains without contacts, in a cell of 1 m3."""
         return Snapshot(self.scene, self.body_radius, np.eye(3), NO_CONTACTS)
 
-    def normalised_contacts(self, snapshot: int) -> xr.Dataset:
-        """Return contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
-
-        `strong_by_force` marks sides whose normal force exceeds the mean, `strong_by_normalised_force` sides whose
-        Lambda_n exceeds the mean.
-        """
-        at, both = self.snapshot(snapshot), ("contact", "side")
-        return self.contacts(snapshot).assign(
-            normalised_normal_force=(
-                both,
-                normalised_normal_force(at),
-                {"units": "1", "long_name": "normalised force Lambda_n"},
-            ),
-            strong_by_force=(both, strong_by_force(at), {"long_name": "normal force above its mean"}),
-            strong_by_normalised_force=(both, strong_by_normalised_force(at), {"long_name": "Lambda_n above its mean"}),
-        )
-
     def over_snapshots(
         self,
         function: Callable[[Snapshot], Mapping[str, object]],
@@ -264,8 +258,8 @@ class Lab(OfRecords):
         """
         self._require_grains()
         grains = self._without_contacts()
-        edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
-        group = groups_by_diameter(grains, edges)
+        edges = diameter_edges(grains, groups) if edges is None else edges
+        group, edges = groups_by_diameter(grains, edges), np.asarray(edges, dtype=float)
 
         def stresses(snapshot: Snapshot) -> dict[str, object]:
             values = group_stresses(snapshot, group, len(edges) - 1)
@@ -337,7 +331,8 @@ class Lab(OfRecords):
         return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
 
     def _snapshot_coordinates(self) -> dict[str, object]:
-        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
+        of_path = self.strain().values[self._run["record"].values]
+        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values), "strain": ("snapshot", of_path)}
 
 
 def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:

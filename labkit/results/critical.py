@@ -15,11 +15,13 @@ import numpy as np
 import pandas
 import xarray
 from numpy.typing import ArrayLike
+from scipy import stats
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
+from labkit.parameters import Parameter
 from labkit.paths.registry import PATHS
 from labkit.results.dataset import datasets_of
-from labkit.results.stationary import slope
+from labkit.results.stationary import CONFIDENCE, slope
 
 WINDOW = 0.25  # fraction of the strain of a test: its last quarter
 ENOUGH_STRAIN = 0.15  # least strain at which the end of a shear test is treated as critical
@@ -108,8 +110,9 @@ def _kind(run: xarray.Dataset) -> str:
 def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) -> pandas.DataFrame:
     """Return a table with a row per shear test: means over the last quarter of the strain, and if it is stationary.
 
-    M = q/p; its scatter is the standard deviation over the records. `critical` is `yes` if e, q/p and p are shown to be
-    stationary, else it says which of them drifts, or is not resolved; `M_slope`, `e_slope` and `p_slope` are the
+    `specimen` numbers the specimens: tests have the same number if their specimens have the same material, recipe and
+    seed. M = q/p; its scatter is the standard deviation over the records. `critical` is `yes` if e, q/p and p are shown
+    to be stationary, else it says which of them drifts, or is not resolved; `M_slope`, `e_slope` and `p_slope` are the
     changes per 10 % strain divided by the mean, and the columns `_within` are the half-widths of their 95 % intervals.
     If a test is not axisymmetric, q is the invariant
     sqrt(3/2 s:s), and A_zz, F_zz and Ft_zz are the components along the stress deviator s, which equal the zz
@@ -119,7 +122,7 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
         runs: Name -> labkit.Run, or Dataset of labkit.open_run.
         window: Fraction of the strain to use instead of the last quarter.
     """
-    rows = []
+    rows, specimens = [], dict[object, int]()
     for name, run in datasets_of(runs).items():
         strain = run.lab.strain().values
         last = at_end(strain, window)
@@ -131,6 +134,7 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
             {
                 "run": name,
                 "path": run.attrs["path"],
+                "specimen": specimens.setdefault(_specimen(name, run), len(specimens) + 1),
                 "strain": float(strain[-1]),
                 "M": float(np.mean(ratio)),
                 "M_scatter": float(np.std(ratio)),
@@ -141,6 +145,11 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
             }
         )
     return pandas.DataFrame(rows)
+
+
+def _specimen(name: str, run: xarray.Dataset) -> object:
+    """Return what tests of the same specimen have in common; the name of a run whose file does not say it."""
+    return tuple(run.attrs[key] for key in ("scene", "recipe", "seed")) if run.attrs.get("recipe") else name
 
 
 def _stationarity(strain: np.ndarray, quantities: Mapping[str, np.ndarray]) -> dict[str, object]:
@@ -162,7 +171,7 @@ ATMOSPHERE = 100e3  # Pa, pressure to which a critical-state line refers
 EXPONENT = 0.7  # of p in the line of Li and Wang (1998)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class CriticalLine:
     """The critical-state line e_c = e_0 - slope (p/100 kPa)**exponent (Li and Wang 1998).
 
@@ -174,6 +183,9 @@ class CriticalLine:
         exponent: Exponent of p.
         scatter: Standard deviation of the void ratios about the line; NaN for two tests.
         pressures: Least and largest p of the tests, Pa.
+        tests: Number of tests.
+        specimens: Number of specimens of these tests.
+        covariance: Covariance of e_0 and of the slope, divided by the square of the scatter, (2, 2).
     """
 
     e_0: float
@@ -181,19 +193,34 @@ class CriticalLine:
     exponent: float
     scatter: float
     pressures: tuple[float, float]
+    tests: int
+    specimens: int
+    covariance: np.ndarray = dataclasses.field(repr=False)
 
     def void_ratio(self, p: ArrayLike) -> np.ndarray:
         """Return the critical void ratio at the mean stress p, Pa."""
         return self.e_0 - self.slope * _of_pressure(p, self.exponent)
+
+    def within(self, p: ArrayLike) -> np.ndarray:
+        """Return the half-width of the 95 % interval of e_c at the mean stress p, Pa; NaN for two tests.
+
+        The tests count as independent: the scatter between specimens is in the interval as far as they have several.
+        """
+        if self.tests < 3:
+            return np.full(np.shape(p), np.nan)
+        at = np.stack([np.ones(np.shape(p)), -_of_pressure(p, self.exponent)], axis=-1)
+        error = self.scatter * np.sqrt(np.einsum("...i,ij,...j", at, self.covariance, at))
+        return stats.t.ppf(0.5 + 0.5 * CONFIDENCE, self.tests - 2) * error
 
     def state_parameter(self, e: ArrayLike, p: ArrayLike) -> np.ndarray:
         """Return the state parameter psi = e - e_c(p) (Been and Jefferies 1985): positive if looser than critical."""
         return np.asarray(e, dtype=float) - self.void_ratio(p)
 
     def __str__(self) -> str:
-        """Return the equation of the line."""
+        """Return the equation of the line and the number of tests and specimens."""
         term = "ln(p/100 kPa)" if self.exponent == 0.0 else f"(p/100 kPa)^{self.exponent:g}"
-        return f"e_c = {self.e_0:.4g} - {self.slope:.3g} {term}"
+        several = f"{self.specimens} specimen" + "s" * (self.specimens > 1)
+        return f"e_c = {self.e_0:.4g} - {self.slope:.3g} {term}, {self.tests} tests of {several}"
 
 
 def _of_pressure(p: ArrayLike, exponent: float) -> np.ndarray:
@@ -207,20 +234,30 @@ def critical_line(states: pandas.DataFrame, exponent: float = EXPONENT) -> Criti
     Raises InputError for fewer than two different pressures.
 
     Args:
-        states: Rows with the columns p_MPa and e.
+        states: Rows with the columns p_MPa and e and, if there are several tests of a specimen, `specimen`.
         exponent: Exponent of p; 0 for a line in ln p.
     """
-    p, e = 1e6 * states["p_MPa"].to_numpy(dtype=float), states["e"].to_numpy(dtype=float)
-    if not 0.0 <= exponent <= 2.0:
-        raise InputError(field="exponent", value=exponent, allowed="0 (for ln p) to 2")
-    if len(p) < 2 or p.min() <= 0.0 or p.max() < LEAST_RANGE * p.min():
+    require_type(states, pandas.DataFrame, "states", "labkit.critical_states(runs)")
+    exponent = Parameter("exponent", low=0.0, high=2.0).read(exponent)
+    if len(states) < 2:
+        raise InputError(f"a critical-state line needs two tests or more, and the table has {len(states)}: give more")
+    if missing := {"p_MPa", "e"} - set(states):
+        raise InputError(f"the table has no column {min(missing)}: give the result of labkit.critical_states")
+    p, e = (pandas.to_numeric(states[name], "coerce").to_numpy(dtype=float) for name in ("p_MPa", "e"))
+    p = 1e6 * p
+    if not (np.isfinite(e) & np.isfinite(p) & (p > 0.0)).all():
+        raise InputError("a critical-state line needs tests with a positive p: leave out those without one")
+    if p.max() < LEAST_RANGE * p.min():
         problem = f"a critical-state line needs tests whose p differs by a factor of {LEAST_RANGE:g}"
         raise InputError(f"{problem}: give tests at other pressures")
     design = np.column_stack([np.ones(len(p)), -_of_pressure(p, exponent)])
     (e_0, fall), *_ = np.linalg.lstsq(design, e)
     freedom = len(p) - 2
     scatter = float(np.sqrt(np.sum((e - design @ (e_0, fall)) ** 2) / freedom)) if freedom else float("nan")
-    return CriticalLine(float(e_0), float(fall), exponent, scatter, (float(p.min()), float(p.max())))
+    specimens = states["specimen"].nunique() if "specimen" in states else len(p)
+    covariance = np.linalg.inv(design.T @ design)
+    pressures = (float(p.min()), float(p.max()))
+    return CriticalLine(float(e_0), float(fall), exponent, scatter, pressures, len(p), specimens, covariance)
 
 
 def line_of(states: pandas.DataFrame) -> tuple[CriticalLine, str] | None:

@@ -15,7 +15,7 @@ from labkit.errors import InputError, require_file_name, require_type
 from labkit.files.library import LIBRARY
 from labkit.files.netcdf import labkit_kind, name_damage, open_netcdf, storage
 from labkit.files.opening import dataset_at
-from labkit.files.schema import EPOCH, RECORD, SIZES
+from labkit.files.schema import EPOCH, RECORD
 from labkit.files.writable import stem
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -23,7 +23,6 @@ from labkit.grains.state_file import ATTRIBUTES, read_state
 from labkit.micro.snapshot import Snapshot
 from labkit.records.memory import RunInMemory
 from labkit.results.accessor import Lab
-from labkit.results.of_records import OfRecords
 from labkit.results.tables import with_axes
 
 
@@ -108,12 +107,6 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
             records = xr.open_dataset(_store(_file(path)), decode_cf=False, cache=False)
         with records:
             yield records
-
-
-@xr.register_dataset_accessor("lab")
-def lab_of(data: xr.Dataset) -> Lab | OfRuns:
-    """Return the accessor `.lab` of a run, or of the runs of a campaign."""
-    return OfRuns(data) if data.attrs.get("labkit_file") == "campaign" else Lab(data)
 
 
 @xr.register_datatree_accessor("lab")
@@ -207,45 +200,3 @@ def snapshots(file: str | os.PathLike, numbers: Iterable[int] | None = None) -> 
     run = open_run(file)
     run.lab.require_snapshots(chosen or (-1,), ", or a state file")
     return run.lab.snapshots(chosen)
-
-
-class OfRuns:
-    """The accessor `.lab` of a campaign, which applies the methods of OfRecords to every run."""
-
-    def __init__(self, runs: xr.Dataset) -> None:
-        """Store `runs`, a Dataset of labkit.open_campaign or a selection of its runs and records."""
-        self._runs = runs
-
-    def __dir__(self) -> list[str]:
-        """List the methods, for completion."""
-        return [name for name in vars(OfRecords) if not name.startswith("_") and callable(getattr(OfRecords, name))]
-
-    def __getattr__(self, name: str) -> Callable[..., object]:
-        """Return a method of OfRecords that returns a DataArray along `run` and `time`, or a list of results."""
-        if name.startswith("_") or not callable(getattr(OfRecords, name, None)):
-            raise AttributeError(f"a campaign has no lab.{name}: open one of its runs, campaign.runs.open(name).lab")
-
-        def of_all(*arguments: object, **named: object) -> object:
-            results = [getattr(Lab(run), name)(*arguments, **named) for run in self.separate()]
-            if not all(isinstance(result, xr.DataArray) and result.dims == ("time",) for result in results):
-                return results if "run" in self._runs.dims else results[0]
-            values = np.full((len(results), self._runs.sizes["time"]), np.nan)
-            for row, result in zip(values, results, strict=True):
-                row[: len(result)] = result.values
-            table = xr.DataArray(values, dims=("run", "time"), name=results[0].name, attrs=results[0].attrs)
-            return table.assign_coords(run=np.atleast_1d(self._runs["run"])) if "run" in self._runs.dims else table[0]
-
-        return of_all
-
-    def separate(self) -> Iterator[xr.Dataset]:
-        """Yield each run with the attributes of its file, without the records that pad it."""
-        for number, file in enumerate(np.atleast_1d(self._runs["file"].values).tolist()):
-            run = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
-            with open_netcdf(file, "run", verify=False) as dataset:
-                attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
-            others = [name for name in run.dims if name not in SIZES]
-            if others != ["time"]:
-                raise InputError(
-                    f"these records are at common values of {others[0]}: use .lab before .runs.interpolate"
-                )
-            yield run.isel(time=np.isfinite(run["axial_strain"].values)).assign_attrs(attributes)

@@ -27,7 +27,8 @@ Arguments = ParamSpec("Arguments")
 class RunFigure(Generic[Arguments]):
     """A figure of runs; calling it draws the figure.
 
-    `needs` says what the data must contain; `several` is True if the figure can show several runs.
+    `needs` says what the data must contain; `several` is True if the figure can show several runs. Every figure of runs
+    has the option `step`, which draws a step of a path file, `2`, or several, `"4-18"` (`run.lab.step`).
     """
 
     def __init__(
@@ -47,18 +48,23 @@ class RunFigure(Generic[Arguments]):
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
         """Draw the figure; returns (figure, table of the plotted values).
 
-        Raises InputError for an unknown option, and for a run without the snapshots that the figure draws.
+        Raises InputError for an unknown option, and for a run without the snapshots or the steps that the figure draws.
         """
-        for option, value in named.items():
+        options: dict[str, Any] = dict(named)
+        data: Any = arguments[0]
+        if self.needs != "probes" and (step := options.pop("step", None)) is not None:
+            one = hasattr(data, "lab")
+            data = data.lab.step(step) if one else {name: run.lab.step(step) for name, run in data.items()}
+        for option, value in options.items():
             if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
                 allowed = " or ".join(self.options) or "no option"
                 problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {allowed}"
                 raise InputError(problem, field=option, value=value)
         if self.needs == "snapshots":
-            run: Any = arguments[0]
-            run.lab.require_snapshots([named.get("snapshot", -1)], ", or draw the figure shares")
-        return self.function(*arguments, **named)
+            data.lab.require_snapshots([options.get("snapshot", -1)], ", or draw the figure shares")
+        draw: Any = self.function
+        return draw(data, *arguments[1:], **options)
 
 
 FIGURES = Registry[RunFigure[...]](

@@ -15,7 +15,7 @@ import xarray
 from labkit.errors import InputError
 from labkit.files.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.files.provenance import BESIDE, check, provenance_of, provenance_rows
-from labkit.files.schema import AXES, RECORD, STATE, kind_of_bodies
+from labkit.files.schema import AXES, RECORD, STATE, kind_of_bodies, require_schema
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state_file import read_state
@@ -25,6 +25,7 @@ from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 from labkit.parameters import Values, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
+from labkit.results.compression import compression_numbers
 from labkit.results.dataset import open_run
 from labkit.results.endings import path_and_origin, void_ratio_at_start
 from labkit.results.run import Run
@@ -101,6 +102,8 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     }
     if text := void_ratio_at_start(Recipe.made_at(run.attrs.get("recipe", "")), float(run["void_ratio_nominal"][0])):
         values["start"] = text
+    with contextlib.suppress(InputError):  # not a test of compression
+        values["compression"] = str(compression_numbers(run))
     start, cyclic = run.lab.undrained_stress, run.lab.path is not None and run.lab.path.cyclic
     goes_on = start is not None and not np.isclose(mean_stress(start), float(p[0]))
     if cyclic:
@@ -201,13 +204,14 @@ def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
 def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
     """Write new hashes to a netCDF file of labkit that was edited on purpose with a different program.
 
-    `note` is a line for the history of the file. Raises InputError for any other file, and if bytes differ without such
-    an edit.
+    `note` is a line for the history of the file. Raises InputError for any other file, for one that the edit damaged,
+    and if bytes differ without such an edit.
     """
     kind = file_kind(path)
     if kind in ("figure", "output"):
         raise InputError(f"{path} is a labkit {kind}, which has no hashes itself: give a state, run or probes file")
     with extend_netcdf(Path(path), 0) as dataset:
+        require_schema(path, dataset, kind)
         dataset.history = f"{getattr(dataset, 'history', '')}\n{note}".strip()
         set_hashes(dataset, complete="data_sha256" in dataset.ncattrs())
 

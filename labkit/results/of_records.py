@@ -21,18 +21,19 @@ from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts,
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.results import undrained
 from labkit.results.endings import LABORATORY, path_and_origin
+from labkit.results.path_steps import records_of_steps
+from labkit.results.several import Accessor, for_each_run
 from labkit.sff.c0 import strength_shares
 
 EQUATIONS = {"stress_sff": "C0", "stress_sff_by_volume": "the equation by volume"}
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
 
 
-class OfRecords:
-    """The part of the accessor `run.lab` that needs only records. The path of the run determines the quantities."""
+class OfRecords(Accessor):
+    """The part of the accessor `run.lab` that needs only records. The path of the run determines the quantities.
 
-    def __init__(self, run: xr.Dataset) -> None:
-        """Store the run; xarray calls this when `run.lab` is first used."""
-        self._run = run
+    Methods that return a DataArray along `time` also take the records of a campaign.
+    """
 
     @functools.cached_property
     def path(self) -> Path | None:
@@ -43,16 +44,6 @@ class OfRecords:
     def number_of_grains(self) -> int:
         """Number of grains, each clump counted as one grain; 0 for a prediction of the model."""
         return number_of_bodies(self._run.sizes)
-
-    def _require_grains(self) -> None:
-        """Raise InputError for a prediction of the model or a measured test."""
-        if not self.number_of_grains:
-            raise InputError(f"{path_and_origin(self._run.attrs)}, has no grains: give the run of a simulation")
-
-    @property
-    def contents(self) -> str:
-        """What the cell holds, as text: `400 grains` or `302 clumps`."""
-        return f"{self.number_of_grains} {'clumps' if 'clump' in self._run.sizes else 'grains'}"
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """Return the recorded variables that labkit.records.limits checks, name -> values."""
@@ -114,6 +105,7 @@ class OfRecords:
     def _reversals(self) -> np.ndarray:
         return self.strain_measure.reversals(self._run["strain"].values)
 
+    @for_each_run
     def quantity(self, name: str, stress: str = "stress", total: str | None = None) -> xr.DataArray:
         """Return a scalar of the records by name, DataArray (time): the names are those of conditions, e.g. `q/p > 1`.
 
@@ -135,6 +127,7 @@ class OfRecords:
         values = np.broadcast_to(row(records, facts), len(self._run["axial_strain"]))
         return self._scalar(values, row.unit, row.label(facts)).rename(row.name)
 
+    @for_each_run
     def variable(self, name: str | None) -> xr.DataArray:
         """Return a recorded variable, DataArray (time, ...), or a scalar of the records as `quantity` does.
 
@@ -154,6 +147,7 @@ class OfRecords:
             raise InputError(problem, field="variable", value=name, allowed="a variable that this run recorded")
         return values
 
+    @for_each_run
     def strain(self) -> xr.DataArray:
         """Return the strain that the path defines, e.g. axial strain or gamma_xz, DataArray (time).
 
@@ -165,6 +159,7 @@ class OfRecords:
         """Return the accumulated strain, DataArray (time): as `strain`, but growing also after reversals."""
         return self.quantity("accumulated_strain")
 
+    @for_each_run
     def abscissa(self) -> xr.DataArray:
         """Return the abscissa of figures of the run, DataArray (time).
 
@@ -194,6 +189,7 @@ class OfRecords:
         """Return the contribution of a tensor T (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q."""
         return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
 
+    @for_each_run
     def component(self, name: str) -> xr.DataArray:
         """Return the component of A, F or F^t that corresponds to q, DataArray (time).
 
@@ -210,6 +206,10 @@ class OfRecords:
     def lode_angle(self, name: str = "stress") -> xr.DataArray:
         """Return the Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""
         return self.quantity("lode_angle", name)
+
+    def step(self, step: int | str) -> xr.Dataset:
+        """Return the records of a step of a path file, `2`, or of several, `"4-18"` (results.path_steps)."""
+        return records_of_steps(self._run, self.path, self._reference, step)
 
     def pore_pressure(self, total: str | None = None) -> xr.DataArray:
         """Return the excess pore pressure u = sigma_total - sigma' of undrained loading, DataArray (time), Pa.
@@ -246,9 +246,7 @@ class OfRecords:
     def undrained_stress(self) -> np.ndarray | None:
         """Effective stress at the start of undrained loading before this run, (3, 3), Pa; None if there was none."""
         end = self._run.attrs.get("undrained_stress", np.zeros(9)) if self.is_undrained else np.zeros(9)
-        stress = np.reshape(
-            self._run.attrs.get("undrained_before", end), (3, 3)
-        )  # a file of 0.2.0.dev0 has the end only
+        stress = np.reshape(self._run.attrs.get("undrained_before", end), (3, 3))  # 0.2.0.dev0 has the end only
         return stress if stress.any() else None
 
     def double_amplitude(self) -> xr.DataArray:
@@ -280,7 +278,11 @@ class OfRecords:
         return xr.DataArray(
             np.array(list(shares.values())),
             dims=("term", "time"),
-            coords={"term": list(shares), "axial_strain": ("time", self._run["axial_strain"].values)},
+            coords={
+                "term": list(shares),
+                "axial_strain": ("time", self._run["axial_strain"].values),
+                "strain": ("time", self.strain().values),
+            },
             attrs={"units": "1", "long_name": "contribution to q/p of C0"},
         )
 
@@ -320,6 +322,7 @@ class OfRecords:
         """Return the volumetric strain, logarithmic and positive in compression, DataArray (time)."""
         return self.quantity("volumetric_strain")
 
+    @for_each_run
     def dilation_angle(self, window: float = WINDOW) -> xr.DataArray:
         """Return the dilation angle psi, DataArray (time), degrees, positive if the volume grows.
 
@@ -328,6 +331,7 @@ class OfRecords:
         values = dilation_angle(self._run["strain"].values, self.accumulated_strain().values, window)
         return self._scalar(values, "degree", "dilation angle")
 
+    @for_each_run
     def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
         """Return q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""
         return self._scalar(deviatoric_stress(self._run[name].values), "Pa", "deviatoric stress q")

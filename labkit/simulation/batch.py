@@ -22,11 +22,7 @@ from labkit.process.system import number_of_cores
 from labkit.records.schedule import Options
 from labkit.results.run import Run
 from labkit.servo.correction import STANDARD, Servo
-from labkit.simulation.api import (
-    is_begun,
-    progress_function,
-    result_of,
-)
+from labkit.simulation.api import is_begun, progress_function, result_of
 from labkit.simulation.tasks import RunTask, execute
 
 Test: TypeAlias = tuple[State, Path]

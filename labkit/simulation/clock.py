@@ -1,11 +1,27 @@
-"""The clock of a run: the number of time steps computed so far, and the corresponding planned time step."""
+"""The clock of a run: the number of time steps computed so far, and the corresponding planned time step.
+
+The two differ in a run with a prescribed inertial number I = |D'| D sqrt(rho/p) (section 2), which is proportional to
+the strain rate. Its pace is its strain rate, divided by the rate of its path. At each stop the mean stress determines
+the pace up to the next stop, so a resumed run takes the same steps. The stops are the same as at a pace of one, and the
+pace is constant between two stops.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 
-from labkit.records.schedule import Schedule
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.files.schema import Variable
+from labkit.grains.scene import Scene
+from labkit.parameters import parameters_of
+from labkit.paths.path import Path
+from labkit.paths.rates import rate_of
+from labkit.paths.step import Here, Step
+from labkit.records.limits import LEAST, MOST, inertial_number_of
+from labkit.records.schedule import Options, Schedule
 
 
 @dataclasses.dataclass
@@ -74,3 +90,61 @@ class PathClock:
     def halt_early(self) -> None:
         """Record that a run is interrupted between two stops; the next one stays ahead."""
         self.skipped, self.stop = math.floor(self.planned_position) - self.now, self.now
+
+
+ACCUMULATED = {
+    "accumulated_strain": Variable("accumulated_strain", ("time",), "f8", "1", "integral of the axial strain rate")
+}  # recorded, because it is not proportional to the time
+
+
+def pace(
+    number: float,
+    step: Step,
+    rate: float,
+    before: float,
+    accumulated: float,
+    diameter: float,
+    density: float,
+    pressure: float,
+) -> float:
+    """Return the pace at which the inertial number is `number` in a step of a path.
+
+    The pace is limited to 0.1 to 10. It is 1 while all strain rates are zero or set by the servo.
+
+    Args:
+        number: Inertial number.
+        step: The step.
+        rate: Rate of the path, 1/s.
+        before: Pace so far.
+        accumulated: Accumulated strain.
+        diameter: Mean diameter, m.
+        density: Density of the grains, kg/m3.
+        pressure: Mean stress, Pa.
+    """
+    if pressure <= 0.0:
+        return LEAST
+    expected = inertial_number_of(step, before * rate, accumulated, diameter, density, pressure) / before
+    return float(np.clip(number / expected, LEAST, MOST)) if expected > 0.0 else 1.0
+
+
+def steps_at(wanted: float, planned: float) -> tuple[int, float]:
+    """Return a whole number of time steps that replace `planned` ones, at most at the pace `wanted`, and their pace."""
+    steps = max(1, math.ceil(planned / wanted))
+    return steps, planned / steps
+
+
+def expected_pace(path: Path, options: Options, scene: Scene, pressure: float) -> float:
+    """Return the pace at the start of a path with an axial rate, at a mean stress of `pressure`, Pa."""
+    if options.inertial_number is None:
+        return 1.0
+    first = next(iter(path.steps_from(Here())))
+    return pace(options.inertial_number, first, rate_of(path), 1.0, 0.0, scene.mean_diameter, scene.density, pressure)
+
+
+def require_one_rate(path: Path, options: Options) -> None:
+    """Raise InputError if a run has both an inertial number and a rate; a default rate is treated as no rate."""
+    has_rate = path.rate is not None and path.rate != parameters_of(type(path))["rate"].default
+    if has_rate and options.inertial_number is not None:
+        problem = "excludes a fixed rate"
+        allowed = "one of the two, and leave the other out"
+        raise InputError(problem, field="inertial_number", value=options.inertial_number, allowed=allowed)

@@ -21,7 +21,7 @@ from labkit.paths.path import Path, holds_stress
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
-from labkit.simulation.pace import expected_pace
+from labkit.simulation.clock import expected_pace
 from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 from labkit.specimens.fabric import SIGNS
 from labkit.specimens.recipe import Recipe

@@ -28,17 +28,11 @@ from labkit.records.instant import Instant
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
-from labkit.results.endings import (
-    require_false_at_start,
-    require_sane,
-    too_thin,
-    unfinished_error,
-)
+from labkit.results.endings import require_false_at_start, require_sane, too_thin, unfinished_error
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
-from labkit.simulation.clock import PathClock
+from labkit.simulation.clock import PathClock, pace, steps_at
 from labkit.simulation.loading import Loading
-from labkit.simulation.pace import pace, steps_at
 from labkit.simulation.progress import status_of
 from labkit.simulation.stopping import Stopping
 from labkit.specimens.ready import Answer

@@ -14,6 +14,7 @@ import numpy as np
 
 from labkit.engines.base import Progress, Request, silent
 from labkit.engines.device import Device
+from labkit.engines.kernel.sources import code_of_law
 from labkit.errors import ProgramError
 from labkit.grains.state import State
 from labkit.micro.snapshot import love_stress
@@ -25,14 +26,15 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here
 from labkit.process.interruption import Signals, stop_on_signals
 from labkit.quantities.conditions import condition
+from labkit.records.checkpoint import CODE_OF_LAW
 from labkit.records.energy import open_ledger
 from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
 from labkit.results.endings import unfinished_error
 from labkit.servo.reach import ERROR, errors, require_way
+from labkit.simulation.clock import ACCUMULATED
 from labkit.simulation.grains import Grains
-from labkit.simulation.pace import ACCUMULATED
 from labkit.simulation.stopping import contents
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.ready import ready
@@ -116,6 +118,7 @@ def simulation(
         "guarded": options.guarded,
         **{name: value for name in IF_GIVEN if (value := getattr(options, name)) is not None},
         **({"precision": device.precision} if device.precision != "double" else {}),
+        **({CODE_OF_LAW: code} if (code := code_of_law(specimen.scene)) else {}),
     }
     extra = ACCUMULATED if options.inertial_number is not None else {}
     recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
@@ -128,7 +131,7 @@ def simulation(
                 raise unfinished_error(stored.endings.reason, output)
             if not stored:
                 interim = None if isinstance(output, RunInMemory) else interim_of(output)
-                specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
+                specimen = yield from prepare(specimen, path, device, progress, options.guarded, interim, signals)
                 require_way(path, love_stress(specimen.snapshot()))
             grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
             yield from grains.run()
@@ -143,7 +146,7 @@ def simulation(
 def prepare(
     specimen: State,
     path: Path,
-    engine: str,
+    device: Device,
     progress: Progress,
     guarded: bool,
     interim: File | None,
@@ -163,5 +166,5 @@ def prepare(
         def show(done: float, text: str) -> None:
             progress(0.0, text)
 
-        specimen = yield from approach(specimen, target, engine, show, interim, signals)
+        specimen = yield from approach(specimen, target, device, show, interim, signals, guarded=guarded)
     return open_ledger(specimen)

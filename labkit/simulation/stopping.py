@@ -61,8 +61,7 @@ class Stopping:
             return nothing_saved(number)
         content = contents(file, self.path)
         return Interrupted(
-            f"stopped by signal {number}; {file} is saved: {content}; give the same command to resume it",
-            128 + number,
+            f"stopped by signal {number}; {file} is saved: {content}; give the same command to resume it", 128 + number
         )
 
 

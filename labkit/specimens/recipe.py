@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 
-from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_shape
+from labkit.bodies.shapes import Shape, Sphere, clumps_in_place_of, measure_shape, read_shape
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -80,11 +80,7 @@ class Recipe:
         "sphere", help="shape of the grains, such as `rod aspect_ratio=1.5`, or several, separated by commas"
     )
     size_classes: Number[int | None] = parameter(
-        None,
-        low=1,
-        high=64,
-        kind=int,
-        help="number of different diameters (default: no two are equal)",
+        None, low=1, high=64, kind=int, help="number of different diameters (default: no two are equal)"
     )
     cell: str = parameter(
         "free",
@@ -100,6 +96,8 @@ class Recipe:
             raise InputError("is missing", field="void_ratio", allowed="one, e.g. 0.67")
         for shape in self.shapes:
             measure_shape(shape)
+        if all(isinstance(shape, Sphere) for shape in self.shapes):
+            object.__setattr__(self, "shape", Recipe.shape)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":
@@ -205,3 +203,27 @@ def mean_grain_volume(scene: Scene) -> float:
     if scene.grading is not None:
         return scene.sizes.mean_volume
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """A preset.
+
+    Args:
+        side: Side of the specimen, m, unless `grains` is given.
+        grains: Approximate number of grains.
+        time_step_factor: time_step_factor of the Scene.
+        rate_factor: Axial strain rate divided by the default of the path (labkit.paths.rates.default_rate).
+    """
+
+    side: float | None = None  # m
+    grains: int | None = None
+    time_step_factor: float = Scene.time_step_factor
+    rate_factor: float = 1.0
+
+
+SETTINGS = {
+    "quick": Settings(grains=2000, time_step_factor=0.3, rate_factor=4.0),
+    "standard": Settings(side=SIDE),
+    "reference": Settings(side=SIDE, time_step_factor=0.1, rate_factor=0.5),
+}

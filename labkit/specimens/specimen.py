@@ -15,14 +15,14 @@ from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.micro.cells import relative_width
 from labkit.micro.fabric import contact_anisotropy
 from labkit.micro.indicators import elastic_energy, overlap_ratio, redundancy_index, unbalanced_force
-from labkit.micro.snapshot import love_stress
+from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.process.progress import log_fraction
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
+from labkit.servo.correction import cell_stiffness
 from labkit.specimens.consolidation import level_stress
 from labkit.specimens.recipe import Recipe
-from labkit.specimens.water import skempton_b
 
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
@@ -203,3 +203,23 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
     if np.isfinite(limit):  # finite only if the specimen has contacts
         values["time step/critical time step"] = state.time_step / limit, ""
     return values
+
+
+BULK_MODULUS = 2.2e9  # Pa, of water without air
+
+
+def skempton_b(snapshot: Snapshot, bulk_modulus: float = BULK_MODULUS) -> float:
+    """Return the least B = du/dp of the saturated specimen when the total mean stress p rises undrained.
+
+        B = 1/(1 + n K/K_w)        n = e/(1 + e)
+
+    K is the bulk modulus (Pa) of the skeleton if all grains moved with the mean field. The real one is smaller because
+    contacts slip and grains rearrange, so B is at least this. Grains count as incompressible. As K_w grows, B tends to
+    1, and an undrained test to one at constant volume.
+
+    Args:
+        snapshot: The specimen.
+        bulk_modulus: Bulk modulus K_w of the pore water with the air in it, Pa.
+    """
+    skeleton, e = float(cell_stiffness(snapshot).sum()) / 9.0, void_ratio(snapshot)
+    return 1.0 / (1.0 + e / (1.0 + e) * skeleton / bulk_modulus)

@@ -12,7 +12,7 @@ from labkit.bodies.shapes import Rod
 from labkit.engines import Device
 from labkit.errors import InputError
 from labkit.files.schema import BODIES
-from labkit.micro.branches import anisotropy_of
+from labkit.micro.bodies import anisotropy_of
 from labkit.results.info import describe_file
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import insert_grains, relax

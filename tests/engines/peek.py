@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.engines.yade import YadeEngine, start_yade
-from labkit.engines.yade_process import find_script
+from labkit.engines.yade import YadeEngine, find_script, start_yade
 
 SCRIPT = Path(__file__).parent / "in_yade/peek.py"
 INTERVAL = 50  # steps, as in a run

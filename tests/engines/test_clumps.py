@@ -14,8 +14,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, state_of_snapshot
 from labkit.grains.state_file import read_state
 from labkit.grains.time_step import critical_time_step
-from labkit.micro.bodies import axis_anisotropy
-from labkit.micro.branches import branch_anisotropy, stress_along_normals
+from labkit.micro.bodies import axis_anisotropy, branch_anisotropy, stress_along_normals
 from labkit.micro.fabric import contact_anisotropy, statistics
 from labkit.micro.grains import grain_stress
 from labkit.micro.indicators import elastic_energy

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import labkit
+from labkit.errors import LabkitWarning
 from labkit.grains.state_file import read_state
 from labkit.grains.time_step import critical_time_step
 from tests.conftest import ROOT
@@ -95,7 +96,8 @@ def test_cohesion_moves_c0(tmp_path, monkeypatch):
     """Small specimens with adhesion: contacts in tension, and a finite error of C0."""
     monkeypatch.chdir(tmp_path)
     smaller = {"400, 0.05, (1, 2, 3), (20e3, 100e3, 300e3)": "120, 0.002, (1,), (1e5,)", "rate=20.0": "rate=50.0"}
-    means = runpy.run_path(str(changed("cohesion", smaller, tmp_path)))["means"]
+    with pytest.warns(LabkitWarning, match="the specimen has a nominal void ratio of"):
+        means = runpy.run_path(str(changed("cohesion", smaller, tmp_path)))["means"]
     assert (means.loc[["dmt", "jkr", "capillary"], "tension"] > 0.0).all() and not means.loc["hertz", "tension"].any()
     assert np.isfinite(means).all(axis=None) and (tmp_path / "cohesion.png").exists()
 

@@ -13,7 +13,7 @@ import labkit as lk
 from labkit.files.schema import CONTACTS, ESSENTIAL, GRAINS, RECORD
 from labkit.grains.scene import FIRST_NAMES
 from labkit.paths.registry import PATHS
-from tests.changed import changed
+from tests.changed import without
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -22,25 +22,6 @@ RUNS = sorted((ROOT / "results/paper/runs").glob("*.run.nc"))
 OF_0_2 = Path(__file__).with_name("version_0_2")
 ENDS = json.loads((OF_0_2 / "ends.json").read_text())
 OTHER = sorted(set(RECORD) - set(ESSENTIAL))
-
-
-def without(old, new, names):
-    """A copy of a run file without some variables, `name` or `group/name`, or without a group, `group/`."""
-    with netCDF4.Dataset(old) as source, changed(new) as target:
-        for group in (source, *source.groups.values()):
-            prefix = "" if group is source else f"{group.name}/"
-            if prefix in names or prefix == "checkpoint/":
-                continue
-            into = target.createGroup(group.name) if prefix else target
-            into.setncatts({name: group.getncattr(name) for name in group.ncattrs()})
-            for name, dimension in group.dimensions.items():
-                into.createDimension(name, len(dimension))
-            for name, variable in group.variables.items():
-                if prefix + name not in names:
-                    made = into.createVariable(name, variable.dtype, variable.dimensions)
-                    made.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
-                    made[...] = variable[...]
-    return new
 
 
 @pytest.mark.parametrize("name", ["cv-dense", "cr_500kPa-loose", "cyclic-cyclic_dense", "share_cp-yade"])

@@ -14,6 +14,7 @@ from labkit.model.controls import Mixed, Oedometer, model_path, strain_control
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import Model
+from labkit.model.rates import _solve
 from labkit.model.state import ModelState, inherent_anisotropy, isotropic_force_anisotropy, isotropic_state
 from tests.model.random_states import AXIS, deviator, rotation
 from tests.model.scalar_formulas import scalar_rates, scalar_stress
@@ -98,7 +99,7 @@ def test_a_whole_run_equals_the_scalar_formulas(model, name):
 
 
 def test_extension_ends_at_the_mirrored_critical_state(model):
-    path = Mixed(-AXIS, [], [], [], strain=LONG)
+    path = Mixed(-AXIS, [], [], [], strain=f"{100 * LONG} %")
     result = drive(model, path, isotropic_state(model, 0.67, 0.5e6), 0.02).require()
     np.testing.assert_allclose(result.state().A, -0.45 * AXIS, atol=1e-3)
     assert result.q[-1] < 0
@@ -263,6 +264,19 @@ def test_a_strain_driven_piece_and_its_pieces_agree(model):
     for _ in range(7):
         y = integrator.advance(Problem(model, control), y, 0.2 / 7)
     np.testing.assert_allclose(y, whole, rtol=1e-7, atol=1e-10)
+
+
+@pytest.mark.parametrize("rows", range(1, 7))
+def test_rates_of_held_stresses_are_solved_for_like_numpy(rows):
+    rng = np.random.default_rng(rows)
+    A, b = rng.normal(size=(rows, rows)), rng.normal(size=rows)
+    A[0, 0] = 0.0 if rows > 1 else 2.0  # rows must be exchanged
+    v = b.copy()
+    assert _solve(A.copy(), v)
+    np.testing.assert_allclose(v, np.linalg.solve(A, b), rtol=1e-10)
+    for wrong in (0.0, np.nan):
+        A[-1] = wrong
+        assert not _solve(A.copy(), b.copy())
 
 
 def test_a_pressure_may_have_a_unit():

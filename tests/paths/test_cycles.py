@@ -149,14 +149,6 @@ def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
     assert text.startswith("sigma_1 at 45 degrees to z, strain |eps|")
 
 
-EXTENSION = {
-    "at constant volume": lk.paths.ConstantVolume(strain=-0.03, rate=100.0),
-    "at constant radial stress": lk.paths.ConstantRadialStress(pressure=P, strain=-0.03, rate=100.0),
-    "at constant mean stress": lk.paths.ConstantMeanStress(pressure=P, strain=-0.03, rate=100.0),
-    "at constant axial stress": lk.paths.ConstantAxialStress(pressure=P, strain=-0.03, rate=100.0),
-}
-
-
 def test_one_amplitude_at_a_time():
     with pytest.raises(InputError, match="strain_amplitude and amplitude are both given"):
         lk.paths.ShearCycles(amplitude=1e4, strain_amplitude=0.01)

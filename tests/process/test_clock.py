@@ -10,8 +10,8 @@ import netCDF4
 import pytest
 
 import labkit as lk
-from labkit.files.writer import Writer
 from labkit.model.run_file import write_result
+from labkit.records.recorder import Writer
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.errors import LabkitWarning
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.results.verify import findings
 
@@ -14,7 +15,8 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def squeezed():
     """120 grains at e = 0.3, which overlap by 7 % of their diameter."""
-    return lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=120), lk.Scene(), progress=False)
+    with pytest.warns(LabkitWarning, match="a mean (overlap|stress) of"):
+        return lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=120), lk.Scene(), progress=False)
 
 
 def test_the_balance_closes_at_large_overlaps(squeezed, tmp_path):

@@ -4,6 +4,7 @@ import re
 import shutil
 
 import numpy as np
+import pandas
 import pytest
 
 import labkit
@@ -84,13 +85,34 @@ def test_nothing_left_is_an_error_that_names_each_run(files):
 
 def test_the_command_averages_only_the_runs_that_reach_a_critical_state(files, model_file, labkit_command, tmp_path):
     done = labkit_command("critical", *files.values(), model_file, "-o", tmp_path / "all.png")
-    alone = labkit_command("critical", *(files[name] for name in LONG), "-o", tmp_path / "alone.png")
+    alone = labkit_command(
+        "critical", *(files[name] for name in LONG), "-o", tmp_path / "alone.png", "--csv", tmp_path / "e.csv"
+    )
     assert done.returncode == alone.returncode == 0, done.stderr
     average, with_more = (re.findall("^mean M of all.*", one.stdout, re.MULTILINE) for one in (alone, done))
     assert average and average == with_more
+    table = pandas.read_csv(tmp_path / "e.csv")
+    np.testing.assert_allclose(table["e_c"], table["e"], rtol=1e-5)  # a line through two tests, without an interval
+    assert table["e_c_within"].isna().all() and "2 tests of 2 specimens" in alone.stdout
     assert done.stdout.count("left out: ") == 4 and "left out: short: ends at 4.00% axial strain" in done.stdout
     refused = labkit_command("critical", files["short"], "-o", tmp_path / "none.png")
     assert refused.returncode == 2 and len(refused.stderr.strip().splitlines()) == 1
     assert f"before {ENOUGH_STRAIN}" in refused.stderr and not (tmp_path / "none.png").exists()
     lower = labkit_command("critical", files["short"], "--min-strain", 0.03, "-o", tmp_path / "lower.png")
     assert lower.returncode == 0, lower.stderr
+
+
+@pytest.mark.parametrize(
+    "columns, reason",
+    [
+        ({}, "two tests or more, and the table has 0"),
+        ({"p_MPa": [1.0], "e": [0.7]}, "two tests or more, and the table has 1"),
+        ({"p_MPa": [1.0, 2.0]}, "has no column e"),
+        ({"p_MPa": [1.0, np.nan], "e": [0.7, 0.6]}, "a positive p"),
+        ({"p_MPa": [1.0, -2.0], "e": [0.7, 0.6]}, "a positive p"),
+        ({"p_MPa": [1.0, 1.1], "e": [0.7, 0.6]}, "differs by a factor"),
+    ],
+)
+def test_a_table_without_a_line_is_refused_for_its_own_reason(columns, reason):
+    with pytest.raises(InputError, match=reason):
+        labkit.critical_line(pandas.DataFrame(columns))

@@ -7,6 +7,7 @@ import pytest
 
 import labkit
 import labkit as lk
+from labkit.errors import LabkitWarning
 from labkit.files.schema import BY_VOLUME
 from labkit.records.limits import exceeded_in
 from labkit.results.verify import findings, verify
@@ -41,15 +42,6 @@ def test_an_infinite_inertial_number_is_outside(spoiled):
         dataset["inertial_number"][3] = np.inf
 
     assert not spoiled(spoil)["largest inertial number"].holds
-
-
-def copy(old, new, without):
-    new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
-    for name, dimension in old.dimensions.items():
-        new.createDimension(name, len(dimension))
-    for name, variable in old.variables.items():
-        if name not in without:
-            new.createVariable(name, variable.dtype, variable.dimensions)[...] = variable[...]
 
 
 def test_a_volume_that_drifts_fails(spoiled):
@@ -119,7 +111,8 @@ def test_a_sieve_curve_of_ratio_4_passes_and_the_printed_equation_does_not(tmp_p
     recipe = lk.Recipe(preparation="compression", pressure=500e3, grains=400)
     state = lk.make_specimen(recipe, scene, progress=False)
     path = lk.paths.ConstantMeanStress(pressure=500e3, strain=0.02)
-    run = lk.run(state, path, progress=False, snapshots=2, inertial_number=1e-3)
+    with pytest.warns(LabkitWarning, match="the inertial number 0.001 is above the limit 0.0003"):
+        run = lk.run(state, path, progress=False, snapshots=2, inertial_number=1e-3)
     found = {finding.name: finding for finding in lk.verify(run)}
     equation = found["equation by volume: largest error, norm (p > 50 kPa)"]
     assert equation.holds and equation.value < 0.02

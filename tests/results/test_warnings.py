@@ -5,6 +5,7 @@ import warnings
 import pytest
 
 import labkit as lk
+from labkit.errors import LabkitWarning
 
 SMALL = lk.Recipe(void_ratio=0.66, grains=100)
 
@@ -22,7 +23,7 @@ SMALL = lk.Recipe(void_ratio=0.66, grains=100)
 )
 def test_a_warning_points_at_the_line_of_the_user(soft_specimen, call):
     with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+        warnings.simplefilter("always", LabkitWarning)
         call(soft_specimen)
-    mine = [each.filename for each in caught if each.category is UserWarning]
+    mine = [each.filename for each in caught if each.category is LabkitWarning]
     assert mine and set(mine) == {__file__}

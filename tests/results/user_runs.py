@@ -93,7 +93,7 @@ def command(*words):
 
 
 ARGUMENTS = {  # of methods of the accessor that have no defaults
-    **dict.fromkeys(("snapshot", "contacts", "contacts_table", "normalised_contacts"), (-1,)),
+    **dict.fromkeys(("snapshot", "contacts", "contacts_table"), (-1,)),
     "component": ("contact_anisotropy",),
     "at_snapshots": ("void_ratio",),
     **dict.fromkeys(("quantity", "variable"), ("q/p",)),

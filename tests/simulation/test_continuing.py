@@ -1,12 +1,14 @@
 """Continuing a run: exactly from its end, at rest from a snapshot, on every engine and from every command."""
 
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 import labkit as lk
 from labkit.cli.dispatch import main
+from labkit.errors import LabkitWarning
 from labkit.plugins.exchange import state_of_snapshot
 
 DRAINED = lk.paths.ConstantRadialStress
@@ -52,8 +54,10 @@ def test_without_a_pressure_a_path_holds_the_stress_that_is_there(halves):
 
 
 def test_at_another_pressure_or_at_rest_it_is_consolidated(halves):
-    for state, pressure in ((halves[1].state, 2e5), (halves[1].state.at_rest(), 1e5)):
-        run = lk.run(state, DRAINED(strain=0.001, pressure=pressure), progress=False, snapshots=0)
+    loses_q = pytest.warns(LabkitWarning, match="cr first consolidates isotropically to 200 kPa")
+    for state, pressure, said in ((halves[1].state, 2e5, loses_q), (halves[1].state.at_rest(), 1e5, nullcontext())):
+        with said:
+            run = lk.run(state, DRAINED(strain=0.001, pressure=pressure), progress=False, snapshots=0)
         np.testing.assert_allclose(np.diagonal(stresses(run)[0]), pressure, rtol=2e-3)
 
 

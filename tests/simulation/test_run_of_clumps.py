@@ -10,7 +10,7 @@ from labkit.figures.micro_figures import groups
 from labkit.figures.sff_figures import budget
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
-from labkit.micro.branches import stress_along_normals
+from labkit.micro.bodies import stress_along_normals
 from labkit.micro.cells import widths
 from labkit.micro.indicators import overlap_ratio
 from labkit.micro.snapshot import contact_arms

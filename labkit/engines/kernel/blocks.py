@@ -85,6 +85,8 @@ class Needs(NamedTuple):
         return np.concatenate([*map(np.ravel, self.numbers), [0.0]]).astype(self.real)
 
 
+Pointer: TypeAlias = object  # an address, which only Numba's carray and the view of a table read
+Table: TypeAlias = Sequence[object]  # pointers
 Write: TypeAlias = Callable[[], tuple[Function, Untyped]]  # returns a function for Numba, and its signature
 DEPENDS = ("law", "single", "energy", "damped", "clumps")
 _COMPILED: dict[tuple[object, ...], list[int]] = {}
@@ -174,7 +176,7 @@ def _forces(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
     unpack, size, count = _unpack(needs)
     gradient_of = _gradient_of(needs)
 
-    def forces(block: Any, work: Any, n: int, dt: float, numbers: Any, gradient: Any) -> None:
+    def forces(block: Pointer, work: Pointer, n: int, dt: float, numbers: Pointer, gradient: Pointer) -> None:
         rows, shared = carray(block, size), carray(work, WORK_ROWS * WIDTH)
         compute(rows, shared, n, dt, unpack(carray(numbers, count)), gradient_of(gradient))
 
@@ -187,7 +189,7 @@ def _stress(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
     unpack, size, count = _unpack(needs)
     arms = True if needs.clumps else None
 
-    def stress(block: Any, work: Any, n: int, numbers: Any, sums: Any) -> None:
+    def stress(block: Pointer, work: Pointer, n: int, numbers: Pointer, sums: Pointer) -> None:
         rows, shared = carray(block, size), carray(work, WORK_ROWS * WIDTH)
         compute(rows, shared, n, unpack(carray(numbers, count)), carray(sums, 9 * WIDTH), arms)
 
@@ -216,7 +218,7 @@ def _start_step(needs: Needs) -> tuple[Function, Untyped]:
     move_cell = translation().inline(motion.move_cell)
     plan_at, motion_at = _view(PLAN), _view(motion.MOTION)
 
-    def start_step(plan: Any, row: int, moving: Any, dt: float) -> None:
+    def start_step(plan: Pointer, row: int, moving: Table, dt: float) -> None:
         m = motion_at(moving)
         if row >= 0:
             correct(plan_at(plan), row, m.totals, volume_of(m.cell), dt, m.before, m.wanted, (m.rates, m.matrices))
@@ -230,7 +232,7 @@ def _search_is_due(needs: Needs) -> tuple[Function, Untyped]:
     motion_at = _view(motion.MOTION)
     must_measure, compare = translation().inline(motion.must_measure), translation().inline(motion.search_is_due)
 
-    def search_is_due(moving: Any, dt: float, speed2: float, distance2: float) -> int:
+    def search_is_due(moving: Table, dt: float, speed2: float, distance2: float) -> int:
         m = motion_at(moving)
         return must_measure(m, dt, speed2) if distance2 < 0.0 else compare(m, distance2)
 
@@ -241,7 +243,7 @@ def _distance2(needs: Needs) -> tuple[Function, Untyped]:
     numba, doubles, _, _ = _kinds(needs)
     carray, compute = numba.carray, translation().inline(motion.distance2)
 
-    def distance2(back: Any, places: Any, start: Any, n: int) -> float:
+    def distance2(back: Pointer, places: Pointer, start: Pointer, n: int) -> float:
         return compute(carray(back, (3, 3)), carray(places, (n, PLACE_COLUMNS)), carray(start, (n, 3)), n)
 
     return distance2, numba.float64(doubles, doubles, doubles, numba.int64)
@@ -252,7 +254,7 @@ def _move_bodies(needs: Needs) -> tuple[Function, Untyped]:
     compute, damping_of = translation().inline(bodies.move_bodies), _damping_of(needs)
     bodies_at, arrays_at, motion_at = _views_of_bodies(needs)
 
-    def move_bodies(rigid: Any, arrays: Any, d: int, dt: float, moving: Any, damping: float) -> None:
+    def move_bodies(rigid: Pointer, arrays: Pointer, d: int, dt: float, moving: Table, damping: float) -> None:
         compute(bodies_at(rigid), arrays_at(arrays), d, dt, motion_at(moving), damping_of(damping))
 
     return move_bodies, numba.void(table, table, numba.int64, numba.float64, table, numba.float64)
@@ -263,7 +265,7 @@ def _place_members(needs: Needs) -> tuple[Function, Untyped]:
     compute = translation().inline(bodies.place_members)
     bodies_at, arrays_at, motion_at = _views_of_bodies(needs)
 
-    def place_members(rigid: Any, arrays: Any, d: int, moving: Any) -> None:
+    def place_members(rigid: Pointer, arrays: Pointer, d: int, moving: Table) -> None:
         compute(bodies_at(rigid), arrays_at(arrays), d, motion_at(moving))
 
     return place_members, numba.void(table, table, numba.int64, table)
@@ -274,7 +276,7 @@ def _sum_forces(needs: Needs) -> tuple[Function, Untyped]:
     compute, gradient_of = translation().inline(bodies.sum_forces), _gradient_of(needs)
     bodies_at, arrays_at, _ = _views_of_bodies(needs)
 
-    def sum_forces(rigid: Any, arrays: Any, d: int, dt: float, gradient: Any) -> None:
+    def sum_forces(rigid: Pointer, arrays: Pointer, d: int, dt: float, gradient: Pointer) -> None:
         compute(bodies_at(rigid), arrays_at(arrays), d, dt, gradient_of(gradient))
 
     return sum_forces, numba.void(table, table, numba.int64, numba.float64, reals)
@@ -285,7 +287,7 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
     compute = translation().inline(bodies.fill_arms)
     bodies_at, arrays_at, _ = _views_of_bodies(needs)
 
-    def fill_arms(rigid: Any, arrays: Any) -> None:
+    def fill_arms(rigid: Pointer, arrays: Pointer) -> None:
         compute(bodies_at(rigid), arrays_at(arrays))
 
     return fill_arms, numba.void(table, table)
@@ -293,10 +295,7 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
 
 # the functions in the order that the host expects, each with the Needs on which it depends
 Writer: TypeAlias = Callable[..., tuple[Function, Untyped]]
-LAW: dict[Writer, tuple[str, ...]] = {
-    _forces: ("law", "single", "energy"),
-    _stress: ("law", "single", "clumps"),
-}
+LAW: dict[Writer, tuple[str, ...]] = {_forces: ("law", "single", "energy"), _stress: ("law", "single", "clumps")}
 MOTION: dict[Writer, tuple[str, ...]] = {
     _move: ("single", "energy", "damped"),
     _start_step: (),

@@ -91,12 +91,7 @@ def overlap_single(work: np.ndarray, i: int, distance: float) -> float:
 
 
 def block_stress(
-    block: np.ndarray,
-    work: np.ndarray,
-    n: int,
-    numbers: Untyped,
-    sums: np.ndarray,
-    arms: bool | None,
+    block: np.ndarray, work: np.ndarray, n: int, numbers: Untyped, sums: np.ndarray, arms: bool | None
 ) -> None:
     """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,).
 

@@ -84,7 +84,7 @@ def level() -> str:
     return {4: "v4", 3: "v3"}.get(call_common("processor_level"), "plain")
 
 
-def precision_of(kind: np.dtype[Any]) -> str:
+def precision_of(kind: np.dtype) -> str:
     """Return the suffix of the library's functions for a type of number."""
     return "single" if kind == np.float32 else "double"
 

@@ -54,7 +54,7 @@ class PointerTable:
 
     def view(self, real: type[np.floating]) -> Any:
         """Return a function for Numba that converts a table to the NamedTuple."""
-        names: dict[str, Any] = {"carray": load_numba().carray, "kind": self.kind, "integer": np.int64}
+        names: dict[str, object] = {"carray": load_numba().carray, "kind": self.kind, "integer": np.int64}
         values = []
         for k, (name, (kind, *lengths)) in enumerate(self._fields.items()):
             names[name] = np.dtype(real if kind == "real" else kind).type

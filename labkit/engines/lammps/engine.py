@@ -39,12 +39,7 @@ class CarriedExchange(Exchange):
     """
 
     def __init__(
-        self,
-        ranks: Ranks,
-        packing: PackedArrays,
-        label: np.ndarray,
-        rank: np.ndarray,
-        place_images: Callable[[], None],
+        self, ranks: Ranks, packing: PackedArrays, label: np.ndarray, rank: np.ndarray, place_images: Callable[[], None]
     ) -> None:
         """Let the other ranks know which of their grains this rank needs."""
         super().__init__(ranks, packing.arrays, 0, len(packing.arrays.contact_first))

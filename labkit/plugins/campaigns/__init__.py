@@ -6,7 +6,6 @@ specimens     reads the section `specimens` of a campaign file; runs reads the s
 layout        files of a campaign folder, and plan.json, which the workflow engine reads
 plan          writes plan.json and the recipe of each job, which the job reads
 job           carries out one job
-command_lines the command that is equivalent to a job, for people
 cost          table of the time and disk space that jobs need
 workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
 products      statistics of each run; figure draws the overview, and report writes the page on all runs

@@ -34,6 +34,7 @@ from labkit.plugins.campaigns.layout import RECIPES
 from labkit.plugins.campaigns.products import Numbers, numbers
 from labkit.results.dataset import in_seconds, open_records, open_run, short_names
 from labkit.results.run import Run
+from labkit.results.several import separate
 from labkit.results.tables import with_axes
 from labkit.specimens.recipe import Recipe
 
@@ -316,7 +317,7 @@ class Runs:
         arrays = {name: np.empty((runs.sizes["run"], chosen.size, *runs[name].shape[2:])) for name in recorded}
         for number, name in enumerate(runs["run"].values.tolist()):
             records = runs.isel(run=number, time=slice(int(runs["records"][number])))
-            scale = next(records.lab.separate()).lab.quantity(along)
+            scale = next(separate(records)).lab.quantity(along)
             at = scale.values
             steps = np.diff(at)
             if not ((steps > 0.0).all() or (steps < 0.0).all()):

@@ -1,6 +1,7 @@
 """A job: a task as a value with a JSON form, which any process can execute.
 
-A job names its specimen by the file that contains it; a different job may still have to make this file.
+A job names its specimen by the file that contains it; a different job may still have to make this file. The equivalent
+command (`words_of`) is for provenance and people; labkit never reads it.
 """
 
 from __future__ import annotations
@@ -9,19 +10,25 @@ import dataclasses
 import functools
 import hashlib
 import json
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from labkit.engines import Device
+from labkit.errors import option_name
 from labkit.grains.scene import Scene
 from labkit.grains.state_file import read_state
-from labkit.parameters import Values, options_of
+from labkit.parameters import LARGE_STRAIN, Parameter, Values, options_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
-from labkit.records.identity import NAMES
+from labkit.plugins.campaigns import keys
+from labkit.records.checkpoint import NAMES
 from labkit.records.schedule import Options
 from labkit.simulation.cost import CONSOLIDATION_STEPS, Cost, cost_of_run, cost_of_specimen
 from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.recipe import BEFORE, Recipe
+
+PARTS: dict[str, Callable[..., Any]] = {"recipe": Recipe, "scene": Scene, "options": Options, "device": Device}
+ABOUT = ("name", "grains", "specimen", "basis", "use", "command")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -96,7 +103,7 @@ class Job:
     def _values(self) -> Values:
         """The task in JSON values, without defaults."""
         values: Values = {
-            "recipe": self.recipe and _recipe_values(self.recipe),
+            "recipe": self.recipe and changed_values(self.recipe),
             "source": self.source,
             "scene": changed_values(self.scene),
             "pressure": self.pressure,
@@ -109,32 +116,20 @@ class Job:
 
     def to_json(self) -> str:
         """Return the job as JSON."""
-        others = ("name", "grains", "specimen", "basis", "use", "command")
-        job = {"kind": self.kind, **{name: getattr(self, name) for name in others}}
-        return json.dumps({**job, "task": self._values(), "digest": self.digest}, indent=1) + "\n"
+        about = {name: getattr(self, name) for name in ABOUT}
+        return json.dumps({"kind": self.kind, **about, "task": self._values(), "digest": self.digest}, indent=1) + "\n"
 
     @classmethod
     def from_values(cls, values: Values) -> Job:
         """Return the job from parsed JSON. Raises KeyError or TypeError if it does not describe a job."""
-        task = values["task"]
-        path = {**task.get("path", {})}
-        recipe = Recipe(**{"cell": BEFORE, **task["recipe"]}) if task.get("recipe") else None
-        return cls(
-            name=values["name"],
-            device=Device(**task["device"]),
-            scene=Scene(**task["scene"]),
-            recipe=recipe,
-            cell=task.get("cell", BEFORE) if recipe is None else recipe.cell,
-            path=PATHS.require(path.pop("name"))(**path) if path else None,
-            options=Options(**task["options"]),
-            source=task.get("source"),
-            pressure=task.get("pressure"),
-            grains=values["grains"],
-            specimen=values["specimen"],
-            basis=tuple(values["basis"]),
-            use=tuple(values["use"]),
-            command=values["command"],
-        )
+        about: Values = {name: tuple(values[name]) if name in ("basis", "use") else values[name] for name in ABOUT}
+        task = {**values["task"]}
+        path = {**task.pop("path", {})}
+        if "recipe" in task:
+            task["recipe"] = {"cell": BEFORE, **task["recipe"]}
+            task["cell"] = task["recipe"]["cell"]
+        parts = {name: kind(**task.pop(name)) for name, kind in PARTS.items() if name in task}
+        return cls(**about, **parts, **task, path=PATHS.require(path.pop("name"))(**path) if path else None)
 
     def task(self, output: str) -> SpecimenTask | ConsolidationTask | RunTask:
         """Return the task, which writes `output`. Raises InputError if the source cannot be read, or used."""
@@ -149,25 +144,66 @@ class Job:
         return ConsolidationTask(state=state, source=self.source, pressure=self.pressure, cell=self.cell, **common)
 
 
-def _recipe_values(recipe: Recipe) -> Values:
-    """Return the values of a recipe, with the cell unless it is as in recipes that do not say it."""
-    values = changed_values(recipe)
-    values.pop("cell", None)
-    return values if recipe.cell == BEFORE else {**values, "cell": recipe.cell}
-
-
 def changed_values(instance: object) -> Values:
     """Return the parameters that users may set and that differ from their defaults, as JSON values."""
-    values = {
-        name: (getattr(instance, name, None), parameter) for name, parameter in options_of(type(instance)).items()
-    }
-    return {
-        name: _plain(value) for name, (value, parameter) in values.items() if value not in (None, parameter.default)
-    }
+    values: Values = {}
+    for name, parameter in options_of(type(instance)).items():
+        default = BEFORE if name == "cell" and isinstance(instance, Recipe) else parameter.default
+        if (value := getattr(instance, name, None)) not in (None, default):
+            values[name] = [_plain(part) for part in value] if isinstance(value, tuple) else value
+    return values
 
 
 def _plain(value: Any) -> object:
-    """Return a value of a parameter without dataclasses, for JSON."""
-    if isinstance(value, tuple):
-        return [_plain(part) for part in value]
+    """Return an entry of a list without dataclasses, for JSON."""
     return dataclasses.asdict(value) if dataclasses.is_dataclass(type(value)) else value
+
+
+VERBS = {"specimen": "specimen", "consolidation": "consolidate", "run": "run"}
+
+
+def words_of(job: Job, scene: Scene | None = None) -> list[str]:
+    """Return the words of a job's command after `labkit`, without its output; `scene`: the Scene of its source."""
+    before = [] if job.source is None else [job.source]
+    if job.recipe is not None:
+        words = _options(options_of(Recipe), vars(job.recipe))
+        words += _options(options_of(Scene), job.scene.values(), Scene().values())
+    elif job.path is not None:
+        parameters = options_of(type(job.path))
+        before = [job.path.name, *before]
+        words = _options(
+            parameters, vars(job.path), {name: parameter.default for name, parameter in parameters.items()}
+        )
+        words += _options(options_of(Options), vars(job.options))
+        words += _options(keys.changes_of_runs(), job.scene.values(), {} if scene is None else scene.values())
+    else:
+        words = [f"--pressure={_text(job.pressure, 'Pa')}", f"--cell={job.cell}"]
+    device = job.device
+    counts = [("threads", device.threads), ("ranks", device.ranks)]
+    words += [f"--engine={device.name}"]
+    words += [f"--{name}={n}" for name, n in counts if n > 1 or name == device.kind.abilities.parallel[0]]
+    return [VERBS[job.kind], *before, *words, *[f"--precision={device.precision}"] * (device.precision != "double")]
+
+
+def _options(
+    parameters: Mapping[str, Parameter], values: Mapping[str, object], defaults: Mapping[str, object] = {}
+) -> list[str]:
+    """Return command-line options for the values that are not None and differ from the defaults."""
+    return [
+        f"{option_name(name)}={_text(values[name], 'strain' if parameter.strain else parameter.unit)}"
+        for name, parameter in parameters.items()
+        if values.get(name) is not None and (name not in defaults or values[name] != defaults[name])
+    ]
+
+
+def _text(value: Any, unit: str) -> str:
+    """Format a value as the text of an option, with all digits; a pressure and a large strain include their units."""
+    if isinstance(value, tuple) and value and not isinstance(value[0], float | int):
+        return json.dumps([dataclasses.asdict(part) for part in value])
+    if isinstance(value, tuple):
+        return ",".join(_text(part, unit) for part in value)
+    if unit == "Pa" and isinstance(value, float):
+        return f"{value!r}{unit}"
+    if unit == "strain" and isinstance(value, float) and abs(value) > LARGE_STRAIN:
+        return f"{100.0 * value!r}%"
+    return value if isinstance(value, str) else repr(value)

@@ -8,32 +8,25 @@ from collections.abc import Collection, Mapping
 from labkit.engines import ENGINES
 from labkit.engines.device import PRECISIONS
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.parameters import Keys, Parameter, Values, options_of, parameter, parameters_of
+from labkit.parameters import Keys, Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH
 from labkit.paths.registry import PATHS
 from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
-from labkit.specimens.recipe import Recipe
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS, Recipe
 from labkit.text.document import Block, Entry, Errors, Fields, Node, Rows, kind_of, read_fields
 from labkit.text.labels import first_of
 
 MOST_GRAINS = 100_000  # maximum number of grains per specimen: even this many take hours on one core
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # each adds its own suffix
-
-
-@dataclasses.dataclass(frozen=True)
-class Common:
-    """Keys allowed in any entry, or at the top of the file as the default for all entries."""
-
-    settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
-    engine: str = parameter("fused", choices=ENGINES, help="simulation engine")
-    threads: int = parameter(1, low=1, high=256, help="number of threads")
-    ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks (fused, lammps)")
-    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engine fused")
-
-
+COMMON: Keys = {  # in any entry, or at the top of the file as the default for all entries
+    "settings": Parameter("settings", "standard", "trade-off between speed and accuracy", kind=str, choices=SETTINGS),
+    "engine": Parameter("engine", "fused", "simulation engine", kind=str, choices=ENGINES),
+    "threads": Parameter("threads", 1, "number of threads", kind=int, low=1, high=256),
+    "ranks": Parameter("ranks", 1, "number of MPI ranks (fused, lammps)", kind=int, low=1, high=100_000),
+    "precision": Parameter("precision", "double", "double, or mixed on the engine fused", kind=str, choices=PRECISIONS),
+}
 NAME = Parameter("name", help="name of the campaign and of its folder", kind=str)
 SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
 FROM = Parameter("from", help="specimen to consolidate", kind=str)
@@ -47,22 +40,21 @@ def select(values: Mapping[str, object], kind: type) -> Values:
 
 
 def file_keys() -> Keys:
-    """Keys at the top of the file, used as defaults: Scene for specimens, Options for runs, Common for both."""
-    return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
+    """Keys at the top of the file, used as defaults: Scene for specimens, Options for runs, COMMON for both."""
+    return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **COMMON}
 
 
 def specimen_keys() -> Keys:
     """Keys of a specimen to make."""
-    parameters = {**options_of(Recipe), **options_of(Scene), **options_of(Common)}
+    parameters = {**options_of(Recipe), **options_of(Scene), **COMMON}
     return {**parameters, "grains": dataclasses.replace(parameters["grains"], high=MOST_GRAINS)}
 
 
 def consolidated_keys() -> Keys:
     """Keys of a specimen that is consolidated from another specimen."""
-    common = options_of(Common)
     parameters = parameters_of(Consolidation)
-    working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}
     cell = dataclasses.replace(parameters["cell"], default=None)
+    working = {name: parameter for name, parameter in COMMON.items() if name != "settings"}
     return {FROM.name: FROM, "pressure": parameters["pressure"], "cell": cell, **working}
 
 
@@ -73,7 +65,7 @@ def changes_of_runs() -> Keys:
 
 def any_run_keys() -> Keys:
     """Keys that every run accepts, whatever its path."""
-    return {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **options_of(Common)}
+    return {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **COMMON}
 
 
 def run_keys(path: type[Path] | None) -> Keys:

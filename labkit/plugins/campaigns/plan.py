@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from labkit.files.hashes import file_sha256
 from labkit.plugins.campaigns import layout
 from labkit.plugins.campaigns.file import Campaign, copied_names
 from labkit.plugins.campaigns.jobs import Job, Values
-from labkit.specimens.consolidation import interim_of
 from labkit.text.foreign import content_of
 
 
@@ -30,23 +28,9 @@ def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Value
         text, file = job.to_json(), folder / layout.recipe_of(job)
         content = content_of(file) if file.exists() else b""
         earlier = None if content == text.encode() else _parse(content)
-        if job.source in usable and (earlier is None or _is_same(job, earlier)):
+        if job.source in usable and (earlier is None or earlier.get("digest") == job.digest):
             usable.add(layout.output_of(job))
         yield job, text, earlier, layout.output_of(job) in usable
-
-
-def _is_same(job: Job, earlier: Values) -> bool:
-    """Return True if an earlier recipe leads to the same result, provided that the source of the job is the same.
-
-    Up to version 0.2 a recipe consisted of the command and of the hashes of the user's files.
-    """
-    if "task" in earlier:
-        return bool(earlier["digest"] == job.digest)
-    words = shlex.split(job.command)[:-2]
-    if job.device.name == "fused":
-        words.remove(f"--threads={job.device.threads}")
-    hashes = list(job.basis[job.source is not None :])
-    return (earlier.get("command", [])[:-2], earlier.get("extensions", [])) == (words, hashes)
 
 
 def _parse(recipe: bytes) -> Values:
@@ -108,7 +92,6 @@ def write_plan(campaign: Campaign, folder: layout.Name) -> list[str]:
         if valid and earlier:
             times[file] = os.stat(file).st_mtime_ns
             same += (folder / layout.output_of(job)).exists()
-            _rename_unfinished(folder, job, earlier["digest"])
         else:
             moved += _set_aside(folder, job)
     write_texts(texts)
@@ -133,14 +116,6 @@ def _write_rows(campaign: Campaign, folder: Path) -> None:
     files = json.dumps({name: file_sha256(folder / name) for name in names})
     lines = ",\n".join(rows)
     write_text(folder / layout.PLAN, f'{{"files": {files}, "jobs": [\n{lines}\n]}}\n')
-
-
-def _rename_unfinished(folder: Path, job: Job, digest: str) -> None:
-    """Rename the unfinished result and interim state of a job from an earlier `digest` to its present digest."""
-    old, new = (folder / layout.unfinished_of(job, digest) for digest in (digest, job.digest))
-    for before, after in ((old, new), (interim_of(old), interim_of(new))):
-        with contextlib.suppress(FileNotFoundError):
-            os.rename(str(before), str(after))
 
 
 def _set_aside(folder: Path, job: Job) -> bool:

@@ -21,7 +21,7 @@ from labkit.plugins.campaigns.jobs import Job
 from labkit.plugins.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.plugins.campaigns.workflow import failures
 from labkit.records.limits import Exceeded, exceeded_in
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS
 from labkit.version import __version__
 
 INERTIAL = "inertial number"  # name of the limit in labkit.records.limits

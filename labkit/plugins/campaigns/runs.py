@@ -19,8 +19,8 @@ from labkit.plugins.campaigns.jobs import Job
 from labkit.plugins.campaigns.specimens import Planner, require_unique
 from labkit.records.limits import require_pressure
 from labkit.records.schedule import Options
+from labkit.simulation.clock import require_one_rate
 from labkit.simulation.cost import schedule_of
-from labkit.simulation.pace import require_one_rate
 from labkit.text.document import Block, Entry, Errors, Fields, Node, Text, similar
 
 MOST_RUNS = 10_000

@@ -18,12 +18,10 @@ from labkit.parameters import Values
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.plugins.campaigns import keys
-from labkit.plugins.campaigns.command_lines import words_of
-from labkit.plugins.campaigns.jobs import Job
+from labkit.plugins.campaigns.jobs import Job, words_of
 from labkit.plugins.campaigns.layout import output_of
 from labkit.records.limits import require_pressure
-from labkit.specimens.recipe import Recipe, side_for
-from labkit.specimens.settings import SETTINGS, Settings
+from labkit.specimens.recipe import SETTINGS, Recipe, Settings, side_for
 from labkit.text.document import Block, Entry, Errors, Fields, read_fields, similar
 
 LONGEST_LOOP = 10  # largest number of names to show when specimens are derived from each other
@@ -44,15 +42,13 @@ class Planner:
 
     def settings(self, values: Values) -> Settings:
         """Return the Settings of an entry, or the default Settings of the file."""
-        return SETTINGS[{"settings": keys.Common.settings, **self.values, **values}["settings"]]
+        return SETTINGS[({"settings": keys.COMMON["settings"].default} | self.values | values)["settings"]]
 
     def device(self, values: Values) -> Device:
         """Return the engine of an entry, or the file's default; it ignores threads, or ranks, that it cannot use."""
-        values = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
+        values = {name: parameter.default for name, parameter in keys.COMMON.items()} | self.values | values
         parallel = ENGINES[values["engine"]].abilities.parallel
-        return Device(
-            values["engine"], precision=values["precision"], **{name: values.get(name, 1) for name in parallel}
-        )
+        return Device(values["engine"], precision=values["precision"], **{name: values[name] for name in parallel})
 
     def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
         """Create a job; `what` holds its other fields. Every run records user-defined statistics."""

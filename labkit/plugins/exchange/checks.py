@@ -21,7 +21,6 @@ SAME_PLACE = 1e-6  # distance over mean diameter, below which two grains are one
 DEEP = 0.05  # mean overlap over mean diameter that is worth a note; labkit's limit is 0.02
 TOO_DEEP = 0.25  # mean overlap over mean diameter that no contact law allows
 DENSE = 0.15  # void ratio below which grains overlap too much for any packing of spheres
-PACKED = 3.0  # mean number of contacts above which grains are a packing, however large its box is
 THIN = 3.0  # void ratio above which the sizes of grains that should touch are probably too small
 APART = 1e-3  # gap over mean diameter above which a listed contact is treated as open: one time step opens smaller gaps
 DIFFERENT = 0.2  # relative difference between listed overlaps and overlaps of the grains that is worth a note
@@ -82,12 +81,7 @@ def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: st
 
 
 def check_grains(
-    position: np.ndarray,
-    radius: np.ndarray,
-    cell: np.ndarray,
-    volume: float,
-    overlap: np.ndarray,
-    grain: np.ndarray,
+    position: np.ndarray, radius: np.ndarray, cell: np.ndarray, volume: float, overlap: np.ndarray, grain: np.ndarray
 ) -> list[Doubt]:
     """Check grains (SI units), volume, and overlapping pairs, overlap (m,) and grain (m, 2); returns the findings."""
     doubts = []
@@ -113,7 +107,8 @@ def check_grains(
         doubts.append(Doubt(f"{text}: are the sizes diameters, not radii? is --box right?", serious))
     elif not len(overlap) and e > THIN:
         doubts.append(Doubt(f"no grains touch and the void ratio is {e:.1f}: are the sizes radii, not diameters?"))
-    elif e > THIN and (touching := 2.0 * len(overlap) / len(radius)) > PACKED:
+    elif e > THIN:
+        touching = 2.0 * len(overlap) / len(radius)
         text = (
             f"the void ratio is {e:.1f}, but grains have {touching:.1f} contacts: is the box larger than the packing?"
         )

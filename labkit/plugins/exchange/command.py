@@ -1,4 +1,4 @@
-"""`labkit import`, `export` and `statistics`: read and write files of other programs, and write tables of runs."""
+"""`labkit import`, `export`, `paraview` and `statistics`: files of other programs, and tables of runs."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts, Texts, one_of, require
-from labkit.cli.outputs import tell_replaced
+from labkit.cli.outputs import name_beside, tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL
 from labkit.errors import InputError, notice
+from labkit.files.atomic import require_no_link
 from labkit.files.netcdf import labkit_kind
 from labkit.files.provenance import write_provenance, write_with_provenance
-from labkit.files.writable import require_different, require_writable, stem
+from labkit.files.writable import make_folder, require_different, require_writable
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.plugins.exchange.formats import FORMATS, writers
 from labkit.plugins.exchange.packing import Answers
+from labkit.plugins.exchange.paraview import HINT, require_h5py, write_series
 from labkit.process.interruption import only_writer
 from labkit.simulation.reports import one_line
 from labkit.text.foreign import Doubt, require_accepted
@@ -231,7 +233,7 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
         content, ending = chosen, f".{chosen}" if kind == "state" or chosen == "grains" else ""
         if kind == "run":
             content, ending = f"{chosen} of snapshot {snapshot.number}", f".snapshot{snapshot.number}{ending}"
-    output = output or str(Path(run).with_name(f"{stem(run)}{ending}.csv"))
+    output = output or name_beside(run, f"{ending}.csv")
     require_writable(output)
     if chosen != "records" and snapshot.clumps is not None:
         _say([Doubt(f"the grains of {output} are clumps, each as a sphere of equal volume")], True)
@@ -278,3 +280,29 @@ def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:
     run, number = open_run(file), -1 if number is None else number
     run.lab.require_snapshots([number], ", or leave --snapshot out to export its records")
     return run.lab.snapshot(number)
+
+
+@command("paraview")
+def paraview_command(
+    file: Annotated[str, Option("state or run file")],
+    *,
+    snapshot: Annotated[
+        list[int] | None,
+        Option("snapshots of a run to write; negative numbers count from the end (default: all)", "N", type=int),
+    ] = None,
+    output: Annotated[str | None, Option("folder to write to (default: next to the file)", "FOLDER")] = None,
+) -> None:
+    """Writes grains, contacts and cell of all snapshots into one file that ParaView opens, snapshots.vtkhdf.
+
+    Example:
+        labkit paraview r.run.nc -o r_paraview
+    """
+    from labkit.results.dataset import snapshots
+
+    require_h5py()
+    chosen = snapshots(file, snapshot)
+    default = name_beside(file, ".paraview")
+    if output is None:
+        require_no_link(default)
+    folder = make_folder(output or default, "-o")
+    print(write_series(chosen, Path(folder) / "snapshots.vtkhdf"), HINT, sep="\n")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from labkit.errors import InputError
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_subclass
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.plugins.exchange.packing import Answers, Packing
 from labkit.text.foreign import content_of, require_regular
@@ -25,6 +25,8 @@ TABLE = "labkit does not read it: export the grains as a table of x y z radius"
 NOT_READ = {  # first characters of a file -> what it is, and what to give
     r"---\s{1,9}(creator|timestep|time|units|natoms):": "a LAMMPS dump in YAML: write it with dump custom",
     r"(//[^\n]*\s{1,9}){0,9}Begin [A-Z]": f"a Kratos model part, {TABLE}",
+    r"LammpS RestartT": "a binary restart file of LAMMPS: write a data file with lmp -restart2data",
+    r"Number of particles =": f"a configuration of AtomEye, {TABLE}",
     r"LSMGenGeo|LSMGeometry": f"a geometry of ESyS-Particle, {TABLE}",
     r"\s{0,99}(<|\{|\[\s{0,9}\{)": f"XML, HTML or JSON, {TABLE}",
 }
@@ -110,6 +112,7 @@ FORMATS = Registry[type[Format]](
 
 def register_format(kind: type[Kind]) -> type[Kind]:
     """Register a subclass of Format under its `name`, and return the subclass; used as a decorator."""
+    require_subclass(kind, Format)
     return FORMATS.register(kind)
 
 

@@ -15,9 +15,7 @@ from labkit.grains.state import State
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
-from labkit.plugins.exchange.checks import (
-    require_packing,
-)
+from labkit.plugins.exchange.checks import require_packing
 from labkit.plugins.exchange.formats import FORMATS, format_of
 from labkit.plugins.exchange.joining import Imported, join_contacts
 from labkit.plugins.exchange.packing import Answers, Packing

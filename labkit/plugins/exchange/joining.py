@@ -28,11 +28,10 @@ from labkit.plugins.exchange.checks import (
     check_points,
 )
 from labkit.plugins.exchange.clumps import pairs_between, with_clumps
-from labkit.plugins.exchange.contact_list import ContactList
+from labkit.plugins.exchange.contact_list import ContactList, contact_normals, contact_vectors, of_spheres
 from labkit.plugins.exchange.packing import Packing
 from labkit.plugins.exchange.packing import first_id as known_first_id
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs
-from labkit.plugins.exchange.points import contact_normals, contact_vectors, of_spheres
 from labkit.text.foreign import Doubt
 
 

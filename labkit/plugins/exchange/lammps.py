@@ -220,7 +220,14 @@ class LammpsDump(Format):
             force_unit=newton,
             at=frame.at,
         )
-        return packing.with_notes(*frame.notes)
+        return packing.with_notes(*frame.notes, *_left_out(columns.get("id")))
+
+
+def _left_out(ids: np.ndarray | None) -> list[str]:
+    """Say that ids are missing, as in a dump of a group, a region or a threshold; empty if they are consecutive."""
+    if ids is None or not len(ids) or not (missing := int(ids.max() - ids.min()) + 1 - len(ids)) > 0:
+        return []
+    return [f"{missing} ids from {ids.min():g} to {ids.max():g} are not in the dump: is it one of all atoms?"]
 
 
 class LammpsLocal(Format):

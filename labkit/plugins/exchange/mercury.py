@@ -18,6 +18,9 @@ OLD = re.compile(r"restart_version\s+(\S+)")
 NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")
 
 
+SPHERES = {"BaseParticle", "SphericalParticle", "ThermalParticle", "LiquidFilmParticle"}
+
+
 class MercuryRestart(Format):
     """A restart file. Sizes are radii; the force of an interaction acts on the first of the two particles."""
 
@@ -52,9 +55,11 @@ class MercuryRestart(Format):
         contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
         packing = Packing(position, radius, RADIUS, identity, cell=cell, origin=origin, tilt=tilt, contacts=contacts)
         walls = len(interactions) - len(pairs)
+        others = sorted({words[0] for words in particles} - SPHERES)
+        shapes = [f"{', '.join(others)} of the file become spheres with their radius"] if others else []
         species = [line.split()[3:] for line in section(lines, "Species") if len(line.split()) > 3]
         notes += [stated_material(words) for words in species[:1]]
-        return packing.with_notes(*notes, *([f"{walls} contacts with walls are left out"] if walls else []))
+        return packing.with_notes(*notes, *shapes, *([f"{walls} contacts with walls are left out"] if walls else []))
 
 
 def section(lines: list[str], name: str) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import statistics
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from labkit.text.reading import LONGEST, SEPARATORS, Sheet, is_real, read_table,
 STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b[ \t]{0,9}[=:]?[ \t]{0,9}([-+.\d][\w.+-]*)(?![:\w])")
 FEWEST = 3  # least number of columns in a table of grains or contacts
 WALLS = "contacts with walls are left out"
+MOST_SHORT = 0.2  # fraction of the rows up to which shorter rows are of another kind
 
 
 class TextTable(Format):
@@ -61,12 +63,26 @@ def grains_in(text: str, file: Path, answers: Answers, bare: Sequence[str]) -> P
     first = text.lstrip().partition("\n")[0].strip()
     if table.titles and first.isdecimal() and len(first) < LONGEST:  # as in XYZ: the number of grains, and a comment
         require_count(file, int(first), len(table.rows), "grains")
+    _require_even(table, file)
     names = answer_names(answers.columns) or _names_of(table)
     if names is None and not table.titles and len(BARE) <= len(table.rows[0]) <= len(bare):
         names = bare[: len(table.rows[0])]
     columns, unit = GRAIN.columns(names, table.numbers(file), file, answers.metre)
     _require_complete(columns, table, file)
     return dataclasses.replace(grains_from(columns, file), length_unit=unit, at=_stated(table), notes=table.notes)
+
+
+def _require_even(table: Sheet, file: Path) -> None:
+    """Raise InputError if a few rows lack two or more cells at their end, as the first line of a further frame does."""
+    filled = [max((number for number, cell in enumerate(row, 1) if cell), default=0) for row in table.rows]
+    usual = statistics.mode(filled)
+    short = [row for row, cells in enumerate(filled) if cells < usual - 1]
+    if short and len(short) < MOST_SHORT * len(filled):
+        first = short[0]
+        raise InputError(
+            f"{file} has {filled[first]} cells in line {table.lines[first]}, and {usual} in other lines: give a file "
+            "with one frame, or repair the table"
+        )
 
 
 def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Path) -> None:

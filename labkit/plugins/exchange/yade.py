@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.engines.yade_process import find_script, run_script
+from labkit.engines.yade import find_script, run_script
 from labkit.errors import InputError, PhysicsError
 from labkit.files.atomic import write_text
 from labkit.grains.state import State

@@ -42,8 +42,7 @@ class DriverOptions:
         int, Option("number of the test to carry out, from 1, if the file has several", type=int, group="files")
     ] = 1
     initial: Annotated[
-        str | None,
-        Option("initialconditions.inp, the initial stress and state variables", "FILE", group="files"),
+        str | None, Option("initialconditions.inp, the initial stress and state variables", "FILE", group="files")
     ] = None
     parameters: Annotated[
         str | None, Option("parameters.inp, constants of the model (default: Table 2)", "FILE", group="files")
@@ -53,8 +52,7 @@ class DriverOptions:
         Option(f"unit of the stresses in these files, one of {', '.join(UNITS)}", type=one_of(UNITS), group="files"),
     ] = "kPa"
     columns: Annotated[
-        str | None,
-        Option("output file of the driver (default: named in the test file)", "FILE", group="files"),
+        str | None, Option("output file of the driver (default: named in the test file)", "FILE", group="files")
     ] = None
     output: Annotated[
         str | None, Option("run file to write (default: a name built from the test)", "FILE", group="files")
@@ -143,13 +141,7 @@ def _on_grains(test: DriverFile, chosen: DriverOptions, recording: Options, comp
 
     def carry_out(state: State, path: Steps, options: Options, output: str) -> None:
         task = RunTask(
-            state=state,
-            path=path,
-            options=options,
-            source=specimen,
-            output=output,
-            history=history,
-            device=computation,
+            state=state, path=path, options=options, source=specimen, output=output, history=history, device=computation
         )
         execute(task, announcing(task, File(output).name))
 

@@ -13,7 +13,7 @@ from pathlib import Path as File
 
 import numpy as np
 
-from labkit.errors import InputError, PhysicsError, warn
+from labkit.errors import InputError, LabkitWarning, PhysicsError, warn
 from labkit.files.atomic import name_file_in_errors, require_no_link
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -97,7 +97,7 @@ class GrainTests:
         """Repeat every test on grains with these parameters. Raises PhysicsError if a specimen or test fails."""
         scene = self.grains(parameters)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # the warning does not apply: small specimens are intended
+            warnings.simplefilter("ignore", LabkitWarning)  # the warning does not apply: small specimens are intended
             pressure = min(map(_pressure, self.measured.values()))
             limits = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
             outcomes = run_many(

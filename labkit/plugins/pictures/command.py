@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import Option
-from labkit.cli.outputs import figure_name, require_outputs
+from labkit.cli.outputs import name_beside, require_outputs
 from labkit.cli.registry import command
 from labkit.files.netcdf import labkit_kind
 
@@ -43,7 +43,7 @@ def picture_command(
     from labkit.plugins.pictures.viewer import Viewer
     from labkit.results.dataset import snapshots
 
-    output = output or figure_name(file, "picture")
+    output = output or name_beside(file, ".picture.png")
     if Path(output).suffix.lower() == ".html":
         Viewer(snapshots(file, snapshot), Path(file).name).write(output)
         print(f"page: {output}")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Made, Option, Working
 from labkit.cli.model import BeyondECmax, ModelParameters
-from labkit.cli.outputs import write_table
+from labkit.cli.outputs import name_beside, write_table
 from labkit.cli.registry import command
 from labkit.engines import Device
-from labkit.files.writable import require_writable, stem
+from labkit.files.writable import require_writable
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
 from labkit.plugins.probes.probing import Probing
@@ -31,8 +30,7 @@ class MoreMaterials:
         ),
     ] = False
     model: Annotated[
-        bool,
-        Option("also probe the constitutive model in the state that the grains have", group="more materials"),
+        bool, Option("also probe the constitutive model in the state that the grains have", group="more materials")
     ] = False
     beyond_e_cmax: BeyondECmax = "error"
     parameters: ModelParameters = None
@@ -47,8 +45,7 @@ def probe_command(
     materials: Annotated[MoreMaterials, Made(MoreMaterials)],
     computation: Working,
     output: Annotated[
-        str | None,
-        Option("probes file to write, or a table if its name ends in .csv (default: next to FILE)", "FILE"),
+        str | None, Option("probes file to write, or a table if its name ends in .csv (default: next to FILE)", "FILE")
     ] = None,
     history: History,
 ) -> None:
@@ -63,7 +60,7 @@ def probe_command(
     """
     state = read_state(file, snapshot=from_snapshot)
     computation.require_scene(state.scene)
-    output = output or str(Path(file).with_name(f"{stem(file)}.probes.nc"))
+    output = output or name_beside(file, ".probes.nc")
     as_table = output.lower().endswith(".csv")
     require_writable(output, None if as_table else "probes")
     probes = probe_all(state, probing, materials, computation)

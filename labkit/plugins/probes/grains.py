@@ -6,10 +6,12 @@
 
 Each probe is a separate run (`probing`); all start from the same State. An additional null probe, with
 an increment of zero, shows how far the grains creep by themselves; its response is subtracted from all other responses.
+For the elastic response, the grains first come to rest in a fixed cell, and contacts are prevented from sliding.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import math
 from collections.abc import Callable
@@ -17,8 +19,9 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.engines import Device, device_of
-from labkit.engines.base import Progress
+from labkit.engines.base import Progress, silent
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_state
 from labkit.micro.indicators import inertial_number
@@ -30,13 +33,56 @@ from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.plugins.probes.probe_set import Probes, dataset_of
 from labkit.plugins.probes.probing import Probing, plane_of
-from labkit.plugins.probes.rest import RestTask, without_sliding
+from labkit.records.energy import open_ledger
 from labkit.records.limits import INERTIAL_LIMIT
 from labkit.records.memory import Groups, RunInMemory
 from labkit.records.schedule import Options
 from labkit.servo.correction import FLOOR, cell_stiffness
 from labkit.simulation.api import progress_function
-from labkit.simulation.tasks import RunTask, execute
+from labkit.simulation.tasks import RunTask, StateTask, execute
+from labkit.specimens.ready import ready
+from labkit.specimens.specimen import Equilibrium, settle
+
+CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
+STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_000)
+INSIDE = 1.0 - 1e-12  # factor that reduces a force to just below its friction limit
+NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
+
+
+def without_sliding(scene: Scene) -> Scene:
+    """Return the scene with friction so high that no contact slides or rolls, for the elastic part of the response.
+
+    A friction coefficient of zero stays zero: no tangential or rolling springs are added.
+    """
+    return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
+
+
+def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
+    """Bring the specimen to rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
+
+    Sliding contacts creep for a long time. When the specimen hardly moves any more, sliding is therefore switched off,
+    and the remaining motion decays exponentially. The tangential forces and rolling moments are finally reduced to
+    just below their friction limits, so that the state is bitwise identical with and without sliding.
+    """
+    engine = device(open_ledger(device.drive(ready(specimen.at_rest()))))
+    settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
+    state = engine.state().at_rest()
+    engine.load(open_ledger(state.replace(scene=without_sliding(state.scene))))
+    settle(engine, STILL, lambda fraction, text: progress(0.5 + 0.5 * fraction, text))
+    engine.load(engine.state().replace(scene=specimen.scene))
+    state = engine.state().at_rest()
+    return state.replace(tangential_force=INSIDE * state.tangential_force, rolling_moment=INSIDE * state.rolling_moment)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RestTask(StateTask[State]):
+    """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
+
+    title = "rest"
+
+    def do(self, progress: Progress) -> State:
+        return self.finish(rest(self.state, self.device, progress))
+
 
 LEAST_STIFFNESS = 1e-3  # fraction of the largest stiffness; in a softer direction a specimen carries no load
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe

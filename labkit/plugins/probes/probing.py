@@ -54,10 +54,7 @@ PLANES = {
         _plane("axisymmetric", (r"\sqrt{2}\,@_r", "@_z"), (1, 1, 0, 0, 0, 0), (0, 0, 1, 0, 0, 0)),
         _plane("biaxial", ("@_x", "@_z"), (1, 0, 0, 0, 0, 0), (0, 0, 1, 0, 0, 0)),
         _plane(
-            "deviatoric",
-            (r"(@_x-@_y)/\sqrt{2}", r"(2@_z-@_x-@_y)/\sqrt{6}"),
-            (1, -1, 0, 0, 0, 0),
-            (-1, -1, 2, 0, 0, 0),
+            "deviatoric", (r"(@_x-@_y)/\sqrt{2}", r"(2@_z-@_x-@_y)/\sqrt{6}"), (1, -1, 0, 0, 0, 0), (-1, -1, 2, 0, 0, 0)
         ),
         _plane("xz-shear", (r"(@_z-@_x)/\sqrt{2}", r"\sqrt{2}\,@_{xz}"), (-1, 0, 1, 0, 0, 0), (0, 0, 0, 0, 1, 0)),
         Plane("all", np.eye(6), tuple(f"@_{{{ij}}}" for ij in COMPONENTS)),

@@ -18,7 +18,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state_file import read_state, write_state
 from tests.changed import changed
 
-pytestmark = pytest.mark.slow
+# specimens beyond the limits are hard cases
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:a mean .* is above the limit")]
 
 GRAINS = 120
 EXTENT = 0.1  # fraction of the strains of the full cases

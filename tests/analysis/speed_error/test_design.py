@@ -7,7 +7,7 @@ import pytest
 from analysis.speed_error.design import BASELINE, DESIGNS, MIXED, PRESET, read_design
 from labkit.cli.dispatch import parse
 from labkit.paths.rates import on_grains
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS
 
 
 @pytest.mark.parametrize("name", DESIGNS)

@@ -8,7 +8,7 @@ from labkit.errors import InputError
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import ConstantVolume
 from labkit.plugins.campaigns.file import read_campaign
-from labkit.specimens.settings import SETTINGS
+from labkit.specimens.recipe import SETTINGS
 
 GOOD = """\
 settings: quick

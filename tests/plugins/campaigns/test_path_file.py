@@ -50,19 +50,19 @@ def test_steps_in_a_path_file(written):
     assert path.steps == EXPECTED and path.order == (0, *(1, 2, 2) * 3, 3) and path.pressure == 3e5
 
 
-def test_a_table_gives_the_pieces_of_a_step(written):
-    """The pieces are differences between rows, in the units of the headings, or the stresses if absolute."""
+def test_a_table_gives_the_rows_of_a_step(written):
+    """They are differences between rows of the table, in the units of the headings, or the stresses if absolute."""
     written("strain_zz [%],stress_xx [kPa]\n0,300\n1,350\n0.5,320\n", "t.csv")
     file = written("path: steps\nsteps:\n  - {table: t.csv}\n  - {table: t.csv, absolute: true}\n")
     zz = [0.01, -0.005]
     changes, reached = read_path(file).steps
     assert changes == increments({"xx": [50e3, -30e3]}, {"zz": zz}, label=f"{LABEL} 3")
     assert reached == increments({"xx": [350e3, 320e3]}, {"zz": zz}, absolute=True, label=f"{LABEL} 4")
-    assert changes.pieces == 2 and changes.strains[1, 2, 2] == -0.005
+    assert changes.rows == 2 and changes.strains[1, 2, 2] == -0.005
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_a_table_of_a_spreadsheet_gives_the_same_pieces(written, encoding):
+def test_a_table_of_a_spreadsheet_gives_the_same_rows(written, encoding):
     """With a mark, semicolons, decimal commas and a title."""
     table = "My path\nstrain_zz [%];stress_xx [kPa]\n0;300\n1;350\n0,5;320\n"
     written("", "t.csv").write_bytes(table.encode(encoding))

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shlex
 
 import pytest
 
@@ -10,7 +9,7 @@ from labkit.cli import main
 from labkit.errors import InputError
 from labkit.plugins.campaigns.file import read_campaign
 from labkit.plugins.campaigns.jobs import Job
-from labkit.plugins.campaigns.layout import OUTDATED, UNFINISHED, output_of, recipe_of
+from labkit.plugins.campaigns.layout import OUTDATED, output_of, recipe_of
 from labkit.plugins.campaigns.plan import require_campaign_folder, unfinished_jobs, write_plan
 from tests.full_disk import file_size_limit
 
@@ -136,44 +135,37 @@ runs:
 
 
 @pytest.fixture
-def earlier(tmp_path, monkeypatch):
-    """A finished campaign with recipes of version 0.2: the command without threads, and hashes of the user's files."""
+def finished(tmp_path, monkeypatch):
+    """A finished campaign."""
     monkeypatch.setenv("LABKIT_USE", "")
     (tmp_path / "own.py").write_text("")
     (tmp_path / "c.yaml").write_text(OLD)
     plan = read_campaign(tmp_path / "c.yaml")
     write_plan(plan, tmp_path)
     for job in plan.jobs:
-        words = [word for word in shlex.split(job.command)[:-1] if not word.startswith("--threads")]
-        recipe = {"command": [*words, f"unfinished/{job.name}.0123.nc"], "digest": "0123456789abcdef"}
-        if job.kind == "run":
-            recipe["extensions"] = list(job.basis[1:])
-            (tmp_path / UNFINISHED / f"{job.name}.0123456789ab.run.nc").touch()
-        (tmp_path / recipe_of(job)).write_text(json.dumps(recipe))
         os.utime(tmp_path / recipe_of(job), (1e9, 1e9))
         (tmp_path / output_of(job)).touch()
     return plan
 
 
-def test_results_of_an_earlier_version_are_kept(earlier, tmp_path):
-    assert unfinished_jobs(earlier, tmp_path) == []
-    assert write_plan(earlier, tmp_path) == ["6 results of the same jobs, planned differently, are kept"]
-    assert outputs(tmp_path, earlier) == {output_of(job) for job in earlier.jobs}
-    for job in earlier.jobs:
+def test_results_of_a_plan_that_is_written_otherwise_are_kept(finished, tmp_path):
+    for job in finished.jobs:
+        recipe = json.loads((tmp_path / recipe_of(job)).read_text())
+        (tmp_path / recipe_of(job)).write_text(json.dumps({**recipe, "command": "labkit"}))
+        os.utime(tmp_path / recipe_of(job), (1e9, 1e9))
+    assert unfinished_jobs(finished, tmp_path) == []
+    assert write_plan(finished, tmp_path) == ["6 results of the same jobs, planned differently, are kept"]
+    assert outputs(tmp_path, finished) == {output_of(job) for job in finished.jobs}
+    for job in finished.jobs:
         assert (tmp_path / recipe_of(job)).stat().st_mtime == 1e9  # no tool considers the result out of date
         assert Job.from_values(json.loads((tmp_path / recipe_of(job)).read_text())) == job
-    unfinished = {f"{job.name}.{job.digest[:12]}.run.nc" for job in earlier.runs}
-    assert {file.name for file in (tmp_path / UNFINISHED).iterdir()} == unfinished
-    assert write_plan(earlier, tmp_path) == []
+    assert write_plan(finished, tmp_path) == []
 
 
-def test_results_of_an_earlier_version_with_other_parameters_are_moved(earlier, tmp_path):
+def test_results_of_other_parameters_are_moved(finished, tmp_path):
     (tmp_path / "c.yaml").write_text(OLD.replace("0.67", "0.68"))
     changed = read_campaign(tmp_path / "c.yaml")
-    kept, moved = write_plan(changed, tmp_path)
-    assert (
-        kept.startswith("3 results ") and moved == f"3 results of other parameters are moved to {tmp_path / OUTDATED}"
-    )
+    assert write_plan(changed, tmp_path) == [f"3 results of other parameters are moved to {tmp_path / OUTDATED}"]
     assert outputs(tmp_path, changed) == {
         "specimens/b.state.nc",
         "specimens/b-at-p100kPa-fused.state.nc",
@@ -181,8 +173,7 @@ def test_results_of_an_earlier_version_with_other_parameters_are_moved(earlier, 
     }
 
 
-def test_the_number_of_threads_changes_no_result_of_fused(earlier, tmp_path):
-    write_plan(earlier, tmp_path)
+def test_the_number_of_threads_changes_no_result_of_fused(finished, tmp_path):
     (tmp_path / "c.yaml").write_text(OLD.replace("threads: 2", "threads: 4"))
     assert unfinished_jobs(read_campaign(tmp_path / "c.yaml"), tmp_path) == []
     (tmp_path / "c.yaml").write_text(OLD.replace("threads: 2", "engine: yade\nthreads: 4"))

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 
 def compressed(friction, **changes):
-    values = {"void_ratio": 0.7, "grains": 200, "preparation": "compression", "pressure": "300 kPa", **changes}
+    values = {"grains": 200, "preparation": "compression", "pressure": "300 kPa", **changes}
     return make_specimen(
         Recipe(step1_friction=friction, step1_rolling_friction=friction, **values), Scene(), progress=False
     )

@@ -168,3 +168,12 @@ def test_damage_is_told_in_words_of_labkit(tmp_path, damage):
     file = written(tmp_path, MERCURY.replace(*damage, 1), "two.restart")
     with pytest.raises(lk.InputError, match=r"lacks (radius and 1|position and 3) numbers|'high' is not a number"):
         read(file, length_unit="mm", force_unit="N", box="10")
+
+
+def test_mercury_says_what_is_no_sphere_and_which_constants_are_friction(tmp_path):
+    text = MERCURY.replace("SphericalParticle id 9", "SuperQuadricParticle id 9").replace(
+        "stiffness", "slidingFriction"
+    )
+    file = written(tmp_path, text, "two.restart")
+    said = " ".join(map(str, read(file, length_unit="mm", force_unit="N", box="10").findings))
+    assert "SuperQuadricParticle of the file become spheres" in said and "(--friction)" in said

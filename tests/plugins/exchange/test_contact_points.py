@@ -90,6 +90,7 @@ def test_a_list_without_normals_or_forces_says_what_is_missing(rods, tmp_path):
         import_snapshot(**{name: silent[name] for name in silent if name not in ("force_sign", "force_on")})
 
 
+@pytest.mark.filterwarnings("ignore:the grains extend", "ignore:contact points are given")
 def test_a_state_of_other_grains_is_refused(rods, tmp_path):
     with pytest.raises(lk.InputError, match="labkit statistics"):
         import_state(**tables(tmp_path, rods))

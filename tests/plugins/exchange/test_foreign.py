@@ -133,6 +133,7 @@ def test_wide_gradings_are_imported_with_a_word(tmp_path):
     assert state.number_of_grains == 3
 
 
+@pytest.mark.filterwarnings("ignore:the void ratio is 39")
 def test_the_mean_diameter_shows_a_wrong_unit_of_length(tmp_path):
     with pytest.warns(UserWarning, match="the mean diameter is 1 m"):
         lk.import_state(data_file(tmp_path, "Atoms # sphere"), length_unit="m")
@@ -174,3 +175,45 @@ def test_a_driver_file_may_have_several_tests(tmp_path, capsys):
         assert read_test(tmp_path / "other.inp", block=2).heading == "zw\u00f6lf"
     assert main(["driver", str(file), "--on", "model", "--block=3"]) == 2
     assert "--block 3 is not in" in capsys.readouterr().err
+
+
+def test_a_dump_of_some_atoms_is_doubted(tmp_path):
+    """As `dump_modify thresh type == 1` and a dump of a group write it."""
+    head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp pp\n0 4\n0 4\n0 4\n"
+    for ids, said in (((2, 5, 9), ["5 ids from 2 to 9 are not in the dump: is it one of all atoms?"]), ((3, 1, 2), [])):
+        rows = "".join(f"{number} {k} 1 1 0.5\n" for k, number in enumerate(ids, 1))
+        (tmp_path / "a.dump").write_text(f"{head}ITEM: ATOMS id x y z radius\n{rows}")
+        findings = map(str, read(tmp_path / "a.dump", length_unit="mm").findings)
+        assert [each for each in findings if "ids" in each] == said
+
+
+def test_a_second_frame_in_a_table_is_no_grain(tmp_path):
+    """As in the .data files of MercuryDPM, in which a line of eight numbers is above the fourteen of each grain."""
+    frame = "2 {} 0 0 0 4 4 4\n1 1 1 0 0 0 0.5 0 0 0 0 0 0 0\n1 1 1.99 0 0 0 0.5 0 0 0 0 0 0 0\n"
+    given = {"length_unit": "mm", "box": "4", "columns": "x,y,z,-,-,-,radius,-,-,-,-,-,-,-"}
+    (tmp_path / "one.data").write_text(frame.format(0.5))
+    assert len(read(tmp_path / "one.data", **given).radius) == 2
+    (tmp_path / "two.data").write_text("".join(frame.format(k) + frame.partition("\n")[2] * 5 for k in range(2)))
+    with pytest.raises(
+        lk.InputError, match="has 8 cells in line 14, and 14 in other lines: give a file with one frame"
+    ):
+        read(tmp_path / "two.data", **given)
+
+
+def test_a_void_ratio_of_no_packing_is_doubted_also_with_few_contacts(tmp_path):
+    rows = "".join(f"{1 + 0.99 * k} 1 1 0.5\n" for k in range(4)) + "3 3 9 0.5\n"
+    findings = [str(each) for each in read(pair(tmp_path, rows=rows), box="12", length_unit="mm").findings]
+    assert any("contacts: is the box larger than the packing?" in each for each in findings)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("LammpS RestartT\0\0\0", "a binary restart file of LAMMPS: write a data file with lmp -restart2data"),
+        ("Number of particles = 3\nA = 1 Angstrom\n1 2 3\n1 2 3\n", "a configuration of AtomEye"),
+    ],
+)
+def test_other_files_of_lammps_are_named(tmp_path, text, said):
+    (tmp_path / "a").write_text(text)
+    with pytest.raises(lk.InputError, match=said):
+        read(tmp_path / "a")

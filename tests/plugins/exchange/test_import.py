@@ -11,26 +11,10 @@ from labkit.grains.state_file import read_state
 from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
-pytestmark = pytest.mark.slow
+# notes on the small specimens, which test_foreign.py and others examine
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::labkit.errors.LabkitWarning")]
 
 EXACT = {"lammps_data": "s.data", "ondem": "s.vtkhdf", "sphere_pack": "s.spheres"}
-MERCURY = """MercuryDPM 1.0 name two revision 1 repository none
-restartFile fileType ONE_FILE saveCount 1
-xMin 0 xMax 10 yMin 0 yMax 10 zMin 0 zMax 10
-Species 1
-LinearViscoelasticSpecies id 0 density 2000 stiffness 1000
-Walls 1
-InfiniteWall id 0 indSpecies 0 position 0 0 0
-Boundaries 2
-LeesEdwardsBoundary id 0 left 0 right 10 down 0 up 10 shift 42 vel 1
-PeriodicBoundary id 1 normal 0 0 1 scaleFactor 1 distanceLeft 0 distanceRight 10 shift 0 0 10
-Particles 2
-SphericalParticle id 7 indSpecies 0 position 5 9.1 5 orientation 1 0 0 0 velocity 0 0 0 radius 1 invMass 1
-SphericalParticle id 9 indSpecies 0 position 3 1 5 orientation 1 0 0 0 velocity 0 0 0 radius 1 invMass 1
-Interactions 2
-LinearViscoelasticInteraction particleIds 7 9 timeStamp 1 force 0 -3 0 torque 0 0 0
-LinearViscoelasticInteraction particleId 7 wallId 0 timeStamp 1 force 0 1 0 torque 0 0 0
-"""
 
 
 @pytest.fixture

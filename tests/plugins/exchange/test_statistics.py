@@ -151,6 +151,7 @@ def test_statistics_of_a_state_are_those_of_its_tables(sheared, tmp_path, labkit
     require_equal(of_snapshot(again), of_state(sheared), 1e-9)
 
 
+@pytest.mark.filterwarnings("ignore:the mean")  # of two grains in 1 m3
 def test_a_format_of_the_user_is_found(tmp_path):
     @lk.register_format
     class Twice(lk.exchange.Format):

@@ -188,7 +188,7 @@ def test_an_imported_path(tmp_path):
     np.testing.assert_allclose(step.targets(np.zeros(2))[:, 0], [0, 50e3, 30e3])
     assert step.durations == (600.0, 1200.0) and step.records == 2 and step.until is not None
     step = step_of(tmp_path, f"*ImportFile follow.inp|4\n1 10 2.5\n*Cartesian\n{rows}")
-    assert step.pieces == 1 and step.durations == (2.5,)
+    assert step.rows == 1 and step.durations == (2.5,)
 
 
 def test_repetition_and_the_end(tmp_path):

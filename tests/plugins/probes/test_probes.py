@@ -11,9 +11,8 @@ from labkit.cli import main
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
 from labkit.paths.probes import StrainProbe
-from labkit.plugins.probes.grains import affine_stiffness, at_rest, path_maker, probes_of
+from labkit.plugins.probes.grains import affine_stiffness, at_rest, path_maker, probes_of, without_sliding
 from labkit.plugins.probes.probing import PLANES, Probing, plane_of
-from labkit.plugins.probes.rest import without_sliding
 from tests.simulation.linear_response import elastic_stiffness
 
 pytestmark = pytest.mark.slow

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from labkit.files import writer
-from labkit.files.writer import Writer
+from labkit.records import recorder
+from labkit.records.recorder import Writer
 from tests.conftest import PATIENCE
 
 
@@ -36,7 +36,7 @@ def test_an_error_of_a_write_is_raised_once_by_wait():
 
 def test_the_pause_between_two_writes_grows_with_their_duration(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(writer.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(recorder.time, "monotonic", lambda: now[0])
     beside = Writer()
 
     def write():
@@ -44,7 +44,7 @@ def test_the_pause_between_two_writes_grows_with_their_duration(monkeypatch):
 
     beside.start(write)
     beside.wait()
-    pause = 4.0 / writer.SHARE
+    pause = 4.0 / recorder.SHARE
     for moment, due in ((pause - 1.0, False), (pause + 1.0, True)):
         now[0] = moment
         assert beside.is_due() == due
