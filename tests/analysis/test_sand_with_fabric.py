@@ -28,11 +28,12 @@ from labkit.plugins.laboratory_data import read_samples
 PARAMETERS = {"friction": 0.5, "rolling ratio": 0.4, "log10 of E": 9.0, "log2 of g": 0.0, "shear": 0.005}
 
 
+@pytest.mark.slow  # the kernel may be compiled in another process
 def test_the_sign_of_the_shear_is_that_of_the_fabric_at_an_isotropic_stress():
-    made = compressed(scene_of(PARAMETERS), 0.3, 200e3, 7)
+    specimen = compressed(scene_of(PARAMETERS), 0.3, 200e3, 7)
     fabrics = {}
     for strain in (0.005, -0.005):
-        snapshot = sheared(made, strain, 200e3).snapshot()
+        snapshot = sheared(specimen, strain, 200e3).snapshot()
         stress = lk.love_stress(snapshot)
         np.testing.assert_allclose(stress, 200e3 * np.eye(3), atol=4e3)
         fabrics[strain] = lk.statistics(snapshot).contact_anisotropy[2, 2]
@@ -83,9 +84,9 @@ def test_a_score_is_the_mean_over_features():
         }
     )
     rows = scored(table, "x")
-    (made,) = means(rows).to_dict("records")
-    assert made["n"] == made["inside"] == made["with a score"] == 6
-    assert made["score"] == pytest.approx(np.mean([row["score"] for row in rows]))
+    (row,) = means(rows).to_dict("records")
+    assert row["n"] == row["inside"] == row["with a score"] == 6
+    assert row["score"] == pytest.approx(np.mean([each["score"] for each in rows]))
 
 
 def test_draws_around_the_measured_features_are_scored_for_every_test():
@@ -93,22 +94,22 @@ def test_draws_around_the_measured_features_are_scored_for_every_test():
     measured |= json.loads(undrained.MEASURED.read_text())
     draws = []
     for factor in (0.99, 1.0, 1.01):
-        scaled = {name: {key: factor * value for key, value in one.items()} for name, one in measured.items()}
-        draws.append({"tests": {name: {"features": one} for name, one in scaled.items()}})
+        scaled = {name: {key: factor * value for key, value in features.items()} for name, features in measured.items()}
+        draws.append({"tests": {name: {"features": features} for name, features in scaled.items()}})
     draws[0]["tests"]["TMD1"] = {"failed": "a reason"}
     table = predictions(draws, 1.0)
     assert table["inside"].all() and table.groupby("tests").size().to_dict() == {"drained": 32, "undrained": 34}
     assert (table["draws"] == np.where(table["test"] == "TMD1", 2, 3)).all()
-    made = scores(table).set_index("tests")
-    assert made["n"].to_dict() == {"drained": 32, "undrained": 34, "undrained, not trained on": 31}
-    assert made.loc["undrained", "inside before"] == 13
-    assert (made["score"] < made["score before"]).all()
+    compared = scores(table).set_index("tests")
+    assert compared["n"].to_dict() == {"drained": 32, "undrained": 34, "undrained, not trained on": 31}
+    assert compared.loc["undrained", "inside before"] == 13
+    assert (compared["score"] < compared["score before"]).all()
 
 
 def test_the_untrained_test_is_compared_in_the_units_of_the_first_study():
     middle = np.array([0.0] * 5 + [0.386, 0.9034, np.log(81.33 / 200.0)])
-    found = {"low": middle - 0.1, "middle": middle, "high": middle + 0.1}
-    table = beside_the_first(found).set_index("feature")
+    intervals = {"low": middle - 0.1, "middle": middle, "high": middle + 0.1}
+    table = beside_the_first(intervals).set_index("feature")
     assert table["inside"].all() and not table["inside before"].any()
     q = table.loc["|q| at 3 % (kPa)"]
     assert q[["measured", "predicted"]].to_numpy(float) == pytest.approx([81.33, 81.33], rel=1e-3)
