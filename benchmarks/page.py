@@ -33,21 +33,19 @@ import numpy as np
 import pandas as pd
 
 import labkit as lk
+from labkit.engines.base import silent
 from labkit.files.provenance import write_with_provenance
 from labkit.plugins.page.bench import OPTIONS, Bench
 from labkit.plugins.page.exercises import EXERCISES
+from labkit.plugins.page.form import Choices
 from labkit.plugins.page.server import Handler
 from labkit.plugins.page.site import wheel_for_browsers, write_site
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-CHOICES = {
-    "recipe": {"grains": "500", "void_ratio": "0.62", "step1_friction": "0.05", "step1_rolling_friction": "0.05"},
-    "consolidation": {"pressure": "200 kPa"},
-    "path": {"name": "cp", "strain": "0.1", "pressure": "200 kPa"},
-}
-PATH = lk.paths.ConstantMeanStress(strain=0.1, pressure=2e5)
+RECIPE = {"void_ratio": "0.62"}
+PATH = lk.paths.ConstantMeanStress(strain=0.1)
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 OPTIONS_OF_BROWSER = ("--no-sandbox", "--disable-3d-apis")  # without the picture in 3D, which a graphics card draws
 PATIENCE = 3_600_000  # ms
@@ -57,7 +55,7 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 def choices(grains: int) -> dict[str, dict[str, str]]:
     """Return what somebody types for the test of so many grains."""
-    return {**CHOICES, "recipe": {**CHOICES["recipe"], "grains": str(grains)}}
+    return {"recipe": {**RECIPE, "grains": str(grains)}, "path": {"name": "cp", "strain": "0.1"}}
 
 
 def here(grains: int) -> list[float]:
@@ -104,7 +102,9 @@ def in_page(page: Page, address: str, grains: int) -> dict[str, tuple[float, flo
     marks = [(time.perf_counter(), 0.0)]
 
     def mark(selector: str) -> None:
-        page.wait_for_selector(selector, state="attached")
+        page.wait_for_selector(f"{selector}, #error:not([hidden])", state="attached")
+        if page.is_visible("#error"):
+            raise SystemExit(page.inner_text("#error"))
         marks.append((time.perf_counter(), workers(os.getpid())[0]))
 
     page.goto(address)
@@ -138,10 +138,7 @@ def visit(folder: Path, names: set[str]) -> pd.DataFrame:
 
 def differences(page: Page, grains: int, scratch: Path) -> pd.DataFrame:
     """Return the largest differences of three quantities between a run in the page and the same one here."""
-    bench = Bench(lambda text: None)
-    asyncio.run(bench.start({**choices(grains), "path": {**CHOICES["path"], "strain": "0.001"}}))
-    state = bench.specimen
-    assert state is not None
+    state = Choices.of(choices(grains)).specimen(silent)
     lk.write_state(scratch / "s.state.npz", state)
     page.set_input_files("#state", scratch / "s.state.npz")
     page.wait_for_function("/^State/.test(document.getElementById('status').textContent)")
@@ -224,17 +221,18 @@ def main() -> None:
                 "desktop": on_desktop(grains),
             }
             memory = workers(os.getpid())[1]
-            if number == 0 and grains == chosen.grains[0]:
-                tables["visit.csv"] = visit(site, asked)
-                tables["differences.csv"] = differences(page, grains, Path(scratch))
-            browser.close()
             for where, times in found.items():
                 for stage, (wall, cpu) in times.items():
                     size = round(memory) if where == "page" else None
                     rows.append((number, grains, where, stage, round(wall, 2), round(cpu, 2), size))
                     print(*rows[-1], flush=True)
             tables["speed.csv"] = pd.DataFrame(rows, columns=COLUMNS)
+            tables["visit.csv"] = visit(site, asked)
             store(tables, chosen.folder)
+            if number == 0 and grains == chosen.grains[0]:
+                tables["differences.csv"] = differences(page, grains, Path(scratch))
+                store(tables, chosen.folder)
+            browser.close()
         if chosen.exercises:
             browser = playwright.chromium.launch(executable_path=program, args=OPTIONS_OF_BROWSER)
             page = browser.new_page()

@@ -22,7 +22,7 @@ import traceback
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Generic, TypeVar, cast
+from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from labkit.errors import InputError, Interrupted, instead_of, require_file_name
 from labkit.once import LOCK, once
@@ -45,9 +45,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         meant: Common words that are no names -> the names to suggest instead.
     """
 
+    every: ClassVar[list[Registry[Any]]] = []
+
     def __init__(self, kind: str, builtin: dict[str, str], meant: Mapping[str, str] | None = None) -> None:
         """Start with the built-in entries only."""
         self.kind, self._entries, self._meant = kind, dict[str, Entry | str](builtin), meant or {}
+        self.every.append(self)
 
     def register(self, entry: Registered) -> Registered:
         """Register an entry under its `name` and return it; usable as a decorator.
@@ -71,6 +74,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         taken = self._entries.setdefault(name, place)
         if taken != place:
             raise self._name_error(name)
+
+    def forget(self, file: str) -> None:
+        """Remove the entries that a user's file has registered."""
+        mine = [name for name, entry in self._entries.items() if _origin(entry).startswith(f"{file}:")]
+        for name in mine:
+            del self._entries[name]
 
     def _name_error(self, name: str) -> InputError:
         return InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
@@ -145,8 +154,8 @@ def use(file: str | os.PathLike[str]) -> None:
     require_file_name(file, "labkit.use('mine.py')")
     path = Path(os.path.realpath(file))  # Path.resolve raises an error for a loop of links
     if not path.is_file():
-        allowed = "a Python file that registers extensions"
-        raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
+        problem = "is not a file" if path.exists() else "does not exist"
+        raise InputError(problem, field="use", value=str(file), allowed="a Python file that registers extensions")
     if os.pathsep in str(path):
         problem = f"has {os.pathsep!r} in its path, which separates the files of {VARIABLE}"
         raise InputError(problem, field="use", value=str(path), allowed="the file in another folder")
@@ -197,6 +206,8 @@ def _load(file: str) -> None:
     try:
         exec(compile(source, file, "exec"), vars(sys.modules[name]))  # no .pyc file is read or written
     except BaseException as error:
+        for registry in Registry.every:
+            registry.forget(file)
         del sys.modules[name]
         if isinstance(error, InputError):
             raise InputError(f"is refused: {error}", field="use", value=file) from error
@@ -219,6 +230,12 @@ def blame(error: BaseException, files: Sequence[str] = ()) -> str | None:
             line = f"{Path(frame.filename).name} line {frame.lineno}"
     text = (str(error).strip() or type(error).__name__).splitlines()[0]
     return None if line is None else f"{line}: {type(error).__name__}: {text}"
+
+
+def require_subclass(kind: object, base: type) -> None:
+    """Raise InputError if a user registers something else than a subclass of `base`."""
+    if not (isinstance(kind, type) and issubclass(kind, base) and kind is not base):
+        raise InputError(f"{_label(kind)} is not a subclass of labkit.{base.__name__}: register one")
 
 
 def _label(entry: object) -> str:

@@ -204,7 +204,8 @@ class Parameter:
             right = text.strip().replace(",", ".")
             share = "strain" in self.name and self.unit == "1" and NUMBER.fullmatch(right)
             percent = f" or {100.0 * float(right):g} %" if share and not share[2] else ""
-            raise self.error(text, "has a decimal comma", f"{right}{percent}", quoted=True)
+            whole = f" or {text.strip().replace(',', '')}" * bool(re.search(r"[1-9]\d*,\d{3}(?!\d)", text))
+            raise self.error(text, "has a decimal comma", f"{right}{percent}{whole}", quoted=True)
         if not match or text.strip()[:2] in ("0x", "0o", "0b") or (self.kind is int and match[2]):
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
                 raise self.error(text, "is not valid")
@@ -213,7 +214,11 @@ class Parameter:
         value, unit = float(match[1]), match[2]
         units = UNITS.get(self.unit, {self.unit: 1.0})  # a user-defined path may use any unit
         if unit and (unit := unit if unit in units else plain_unit(unit)) not in units:
-            raise self.error(text, f"has an unknown unit {match[2]!r}", f"it in {', '.join(units)}")
+            if re.match(r"1(?!/)|[02-9_]|[^\w%\u00b0]", unit):
+                raise self.error(text, "is not a number", f"e.g. {self.example}", quoted=True)
+            same = [name for name in units if unit.lower() == name.lower() and (unit.islower() or unit.isupper())]
+            allowed = f"{match[1]} {same[0]}" if same else f"it in {', '.join(units)}"
+            raise self.error(text, f"has an unknown unit {match[2]!r}", allowed)
         return value * units[unit] if unit else value
 
     def require_unit(self, text: Typed) -> Typed:

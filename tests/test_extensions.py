@@ -507,3 +507,25 @@ def test_a_signal_while_a_file_is_loaded_stays_a_signal(error, tmp_path):
     (tmp_path / "own.py").write_text(f"import labkit.errors\nraise {error}\n")
     with pytest.raises((KeyboardInterrupt, Interrupted)):
         lk.use(tmp_path / "own.py")
+
+
+def test_a_file_that_fails_registers_nothing(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import labkit\n\n@labkit.register_shape\nclass Half(labkit.Shape):\n    name = 'half'\n\nraise ValueError\n"
+    )
+    with pytest.raises(lk.InputError, match=r"own\.py line 7"):
+        lk.use(tmp_path / "own.py")
+    with pytest.raises(lk.InputError, match="shape 'half' is unknown"):
+        lk.Recipe(0.67, shape="half")
+
+
+def test_a_folder_is_no_file_of_extensions(tmp_path):
+    with pytest.raises(lk.InputError, match="is not a file"):
+        lk.use(tmp_path)
+
+
+@pytest.mark.parametrize("kind", [object(), object, 5, None])
+@pytest.mark.parametrize("register", ["register_law", "register_path", "register_shape", "register_engine"])
+def test_what_is_no_subclass_is_not_registered(register, kind):
+    with pytest.raises(lk.InputError, match="is not a subclass of labkit"):
+        getattr(lk, register)(kind)

@@ -443,3 +443,20 @@ def test_a_condition_asks_for_the_unit_of_a_strain(text):
 def test_a_strain_typed_as_1_is_asked_for_its_unit(typed):
     assert "%" in asked(ConstantVolume, strain=typed).allowed
     assert ConstantVolume(strain="1.0").strain == ConstantVolume(strain="100 %").strain == 1.0
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("300 kpa", "give 300 kPa"),
+        ("0.3 MPA", "give 0.3 MPa"),
+        ("300 000", "is not a number"),
+        ("300_000 Pa", "is not a number"),
+        ("1,000,000", "is not a number"),
+        ("300-400 kPa", "is not a number"),
+        ("1,000 kPa", "give 1.000 kPa or 1000 kPa"),
+        ("300 furlongs", "has an unknown unit"),
+    ],
+)
+def test_a_pressure_is_refused_for_its_own_reason(text, said):
+    assert said in str(refused(ConstantMeanStress, pressure=text))

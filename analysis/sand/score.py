@@ -54,9 +54,9 @@ def means(rows: list[dict[str, object]]) -> pandas.DataFrame:
     scores = ["score", "score of constant"]
     table[scores] = table[scores].mul(table["n"], axis=0)
     sums = table.groupby("tests")[["n", "inside"]].sum()
-    own = table.dropna().groupby("tests")
-    sums = sums.join(own[["inside of constant"]].sum()).join(own[scores].sum().div(own["n"].sum(), axis=0))
-    return sums.join(own["n"].sum().rename("with a score")).reset_index()
+    judged = table.dropna().groupby("tests")
+    sums = sums.join(judged[["inside of constant"]].sum()).join(judged[scores].sum().div(judged["n"].sum(), axis=0))
+    return sums.join(judged["n"].sum().rename("with a score")).reset_index()
 
 
 def main() -> None:

@@ -88,8 +88,8 @@ def share_at(parameters: Mapping[str, float], void_ratio: float, limits: list[fl
 def limits_of(tests: Mapping[str, Test], parameters: Mapping[str, float], seed: int) -> list[float]:
     """Return the void ratios of specimens made with SHARES, at the lowest pressure of the tests."""
     lowest = min(pressure for _, pressure, _ in tests.values())
-    made = (compressed(scene_of(parameters), share, lowest, seed) for share in SHARES)
-    return [void_ratio_nominal(state.snapshot()) for state in made]
+    specimens = (compressed(scene_of(parameters), share, lowest, seed) for share in SHARES)
+    return [void_ratio_nominal(state.snapshot()) for state in specimens]
 
 
 def repeated(
@@ -136,11 +136,11 @@ class FabricTests(lk.GrainTests):
 
     Args:
         trained: Tests that count, DRAINED or names of undrained ones; a sample repeats all.
-        given: Measured points, if not those of the sand: of a synthetic sand.
+        points_measured: Measured points, if not those of the sand: of a synthetic sand.
     """
 
     trained: tuple[str, ...] = (DRAINED, TRAINED)
-    given: tuple[float, ...] = ()
+    points_measured: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Leave out the check that parameters are those of a scene."""
@@ -155,8 +155,8 @@ class FabricTests(lk.GrainTests):
         )
 
     def points(self, runs: Mapping[str, lk.Run]) -> np.ndarray:
-        if runs is self.measured and self.given:
-            return np.array(self.given)
+        if runs is self.measured and self.points_measured:
+            return np.array(self.points_measured)
         values = [super().points(runs)]
         stored = json.loads(undrained.MEASURED.read_text()) if runs is self.measured else {}
         for name in (TRAINED, LEFT):
@@ -169,9 +169,10 @@ class FabricTests(lk.GrainTests):
         return dict(repeated(tests, parameters, seed, limits_of(tests, parameters, seed)))
 
 
-def fabric_tests(trained: tuple[str, ...] = (DRAINED, TRAINED), given: Sequence[float] = ()) -> FabricTests:
+def fabric_tests(trained: tuple[str, ...] = (DRAINED, TRAINED), points_measured: Sequence[float] = ()) -> FabricTests:
     """Return the tests of a sample."""
-    return FabricTests(grain_tests(USED).measured, FREE, SCATTER, trained=trained, given=tuple(given))
+    measured = grain_tests(USED).measured
+    return FabricTests(measured, FREE, SCATTER, trained=trained, points_measured=tuple(points_measured))
 
 
 def features_of(name: str, run: lk.Run) -> dict[str, object]:
@@ -179,12 +180,12 @@ def features_of(name: str, run: lk.Run) -> dict[str, object]:
     if name in OTHERS:
         return {"features": karlsruhe.features(karlsruhe.curves(run))}
     curve = undrained.curves(run)
-    found: dict[str, object] = {"features": undrained.features(curve)}
+    result: dict[str, object] = {"features": undrained.features(curve)}
     if "cycles" in curve:
-        return found
+        return result
     along = np.linspace(0.0, 1.0, RESOLUTION) ** 2 * abs(curve["strain"][-1])
     p, q = (np.interp(along, np.abs(curve["strain"]), curve[column]) / curve["p"][0] for column in "pq")
-    return found | {"p": np.round(p, 3).tolist(), "q": np.round(q, 3).tolist()}
+    return result | {"p": np.round(p, 3).tolist(), "q": np.round(q, 3).tolist()}
 
 
 def lines_of(file: Path) -> list[dict]:
@@ -203,15 +204,15 @@ def predict(posterior: lk.Posterior, file: Path) -> None:
     names = [*undrained.MONOTONIC, *undrained.CYCLIC]
     tests = drained_of(OTHERS) | {name: undrained_of(name) for name in names}
     for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(lines_of(file)) :]:
-        begin, found = time.process_time(), dict[str, dict[str, object]]()
+        begin, results = time.process_time(), dict[str, dict[str, object]]()
         limits = limits_of(tests, parameters, FIRST_DRAW + number)
         for name, test in tests.items():
             try:
                 (run,) = dict(repeated({name: test}, parameters, FIRST_DRAW + number, limits)).values()
-                found[name] = features_of(name, run)
+                results[name] = features_of(name, run)
             except PhysicsError as error:
-                found[name] = {"failed": str(error)}
-        append(file, {"parameters": parameters, "tests": found, "seconds": time.process_time() - begin})
+                results[name] = {"failed": str(error)}
+        append(file, {"parameters": parameters, "tests": results, "seconds": time.process_time() - begin})
         print(f"draw {number + 1} of {DRAWS}", flush=True)
 
 

@@ -1,6 +1,6 @@
 """Tables, figure and page of analysis.sand.with_fabric: `python -m analysis.sand.with_fabric_table [FOLDER]`.
 
-FOLDER is that of the samples, which are copied to results/sand; without it the stored copies are used.
+FOLDER is that of the samples, which are copied to results/sand; without it the page is written from the stored tables.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -55,15 +56,15 @@ def predictions(draws: Sequence[dict], unexplained: float) -> pandas.DataFrame:
     """Tabulate the features of all tests with their 90 % intervals beside the measured ones; the kind is in `tests`."""
     drained = {name: karlsruhe.features(karlsruhe.curves(run)) for name, run in grain_tests(OTHERS).measured.items()}
     rows = []
-    for kind, known in {"drained": drained, "undrained": json.loads(undrained.MEASURED.read_text())}.items():
-        for name, values in known.items():
-            found = [draw["tests"][name]["features"] for draw in draws if "features" in draw["tests"].get(name, {})]
+    for kind, measured in {"drained": drained, "undrained": json.loads(undrained.MEASURED.read_text())}.items():
+        for name, values in measured.items():
+            predicted = [draw["tests"][name]["features"] for draw in draws if "features" in draw["tests"].get(name, {})]
             for feature, value in values.items():
                 scatter = (
                     karlsruhe.SCATTERS[feature] if kind == "drained" else undrained.scatter_of(feature, value)
                 ) * unexplained
-                row = karlsruhe.prediction(value, np.array([one[feature] for one in found]), scatter)
-                rows.append({"tests": kind, "test": name, "feature": feature, "draws": len(found)} | row)
+                row = karlsruhe.prediction(value, np.array([features[feature] for features in predicted]), scatter)
+                rows.append({"tests": kind, "test": name, "feature": feature, "draws": len(predicted)} | row)
     return pandas.DataFrame(rows)
 
 
@@ -71,23 +72,23 @@ def scores(table: pandas.DataFrame) -> pandas.DataFrame:
     """Number inside and interval score of each kind of tests: this study, the first one, a constant."""
     before = {"drained": "predictions.csv", "undrained": "undrained.csv"}
     first = {kind: pandas.read_csv(RESULTS / file) for kind, file in before.items()}
-    now = {kind: own for kind, own in table.groupby("tests")}
+    now = {kind: rows for kind, rows in table.groupby("tests")}
     untrained = {"undrained, not trained on": now["undrained"][now["undrained"]["test"] != TRAINED]}
     untrained_before = {"undrained, not trained on": first["undrained"][first["undrained"]["test"] != TRAINED]}
     both = []
     for tables in (first | untrained_before, now | untrained):
-        both.append(means([row for kind, own in tables.items() for row in scored(own, kind)]).set_index("tests"))
+        both.append(means([row for kind, rows in tables.items() for row in scored(rows, kind)]).set_index("tests"))
     renamed = both[0][["inside", "score"]].rename(columns={"inside": "inside before", "score": "score before"})
     return both[1].join(renamed).reset_index()
 
 
 def posteriors(samples: Sequence[Sample]) -> pandas.DataFrame:
     """Quantiles of the parameters after each training."""
-    made = []
+    quantiles = []
     for name, trained in TRAININGS.items():
         table = posterior_of(fabric_tests(trained), samples).table().rename_axis("parameter").reset_index()
-        made.append(table.assign(training=name))
-    return pandas.concat(made)[["training", "parameter", "5 %", "50 %", "95 %"]]
+        quantiles.append(table.assign(training=name))
+    return pandas.concat(quantiles)[["training", "parameter", "5 %", "50 %", "95 %"]]
 
 
 def left_of(sample: Sample) -> list[float]:
@@ -110,9 +111,9 @@ def emulated(samples: Sequence[Sample], draws: np.ndarray) -> tuple[np.ndarray, 
     return centre, spread
 
 
-def untrained(samples: Sequence[Sample], given: Sequence[float] = ()) -> dict[str, np.ndarray]:
+def untrained(samples: Sequence[Sample], points: Sequence[float] = ()) -> dict[str, np.ndarray]:
     """Train on drained tests and compression; return what this says of the parameters and of the points of LEFT."""
-    tests = fabric_tests(given=given)
+    tests = fabric_tests(points_measured=points)
     draws = posterior_of(tests, samples).draws
     centre, spread = emulated(samples, draws[[*FREE]].to_numpy()[::20])
     half = 1.645 * np.hypot(spread, draws["misfit"].median() * np.array(DEVIATIONS))
@@ -122,7 +123,7 @@ def untrained(samples: Sequence[Sample], given: Sequence[float] = ()) -> dict[st
     return {name: np.concatenate(both) for name, both in parts.items()} | {"measured": measured}
 
 
-def beside_the_first(found: dict[str, np.ndarray]) -> pandas.DataFrame:
+def beside_the_first(intervals: dict[str, np.ndarray]) -> pandas.DataFrame:
     """Tabulate the untrained test: prediction, inside and interval score, beside the first study and a constant.
 
     The constant is the mean of the other extension tests. |q| is compared in kPa, as in the first study.
@@ -130,14 +131,14 @@ def beside_the_first(found: dict[str, np.ndarray]) -> pandas.DataFrame:
     first = pandas.read_csv(RESULTS / "undrained.csv")
     first = first[first["test"].str.contains("extension")]
     rows = []
-    for k, (feature, own) in enumerate(first.groupby("feature", sort=False)):
-        inside = (own["test"] == LEFT).to_numpy()
-        low, middle, high = (found[name][len(FREE) + k] for name in ("low", "middle", "high"))
+    for k, (feature, extension) in enumerate(first.groupby("feature", sort=False)):
+        inside = (extension["test"] == LEFT).to_numpy()
+        low, middle, high = (intervals[name][len(FREE) + k] for name in ("low", "middle", "high"))
         if feature.startswith("|q| at"):
             low, middle, high = (1e-3 * undrained_of(LEFT)[1] * np.exp([low, middle, high])).tolist()
-        x, spread = own["measured"].to_numpy(), own["measured"].std(ddof=1)
+        x, spread = extension["measured"].to_numpy(), extension["measured"].std(ddof=1)
         constant = [edge[inside] for edge in constant_intervals(x)]
-        before = [own[name].to_numpy()[inside] for name in ("low", "high")]
+        before = [extension[name].to_numpy()[inside] for name in ("low", "high")]
         row = {"feature": feature, "measured": x[inside][0], "predicted": middle, "low": low, "high": high}
         for name, edges in (("", (low, high)), (" before", before), (" of constant", constant)):
             edges = [np.atleast_1d(edge) for edge in edges]
@@ -155,11 +156,11 @@ def hidden(samples: Sequence[Sample]) -> pandas.DataFrame:
     scale = np.concatenate([HIGH - LOW, np.std([left_of(sample) for sample in samples], axis=0)])
     inside, widths, errors = [], [], []
     for k, sand in enumerate(samples[:SANDS]):
-        one = untrained([*samples[:k], *samples[k + 1 :]], sand.points or ())
+        intervals = untrained([*samples[:k], *samples[k + 1 :]], sand.points or ())
         truth = np.array([*sand.parameters.values(), *left_of(sand)])
-        inside.append((one["low"] <= truth) & (truth <= one["high"]))
-        widths.append((one["high"] - one["low"]) / scale)
-        errors.append(np.abs(one["middle"] - truth) / scale)
+        inside.append((intervals["low"] <= truth) & (truth <= intervals["high"]))
+        widths.append((intervals["high"] - intervals["low"]) / scale)
+        errors.append(np.abs(intervals["middle"] - truth) / scale)
     columns = {"inside": np.sum(inside, axis=0), "of": len(inside)}
     columns |= {"mean width": np.mean(widths, axis=0), "mean error": np.mean(errors, axis=0)}
     return pandas.DataFrame({"quantity": [*FREE, *POINTS], **columns})
@@ -171,8 +172,8 @@ def draw(table: pandas.DataFrame, file: Path) -> None:
     figure, panels = plt.subplots(1, 3, figsize=(11, 4.4), layout="constrained", sharey=True)
     names = [*undrained.MONOTONIC]
     for axes, feature in zip(panels, undrained.SCATTERS, strict=True):
-        for own, offset, colour, label in ((before, 0.2, "0.6", "first study"), (table, -0.2, "C0", "this study")):
-            rows = own[own["feature"] == feature].set_index("test").loc[names]
+        for study, offset, colour, label in ((before, 0.2, "0.6", "first study"), (table, -0.2, "C0", "this study")):
+            rows = study[study["feature"] == feature].set_index("test").loc[names]
             y = np.arange(len(names)) + offset
             axes.hlines(y, rows["low"], rows["high"], color=colour, lw=3, label=label)
         axes.plot(rows["measured"], np.arange(len(names)), "k|", ms=14, mew=2, label="measured")
@@ -185,33 +186,46 @@ def draw(table: pandas.DataFrame, file: Path) -> None:
     save(figure, file, [*FILES.values()], "python -m analysis.sand.with_fabric_table", dpi=80)
 
 
+def tables_of(samples: Sequence[Sample], draws: Sequence[dict]) -> dict[str, pandas.DataFrame]:
+    """Compute the tables, name -> table; those of the predictions only from enough draws."""
+    tested = [sample for sample in samples if sample.points is not None]
+    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
+    if len(draws) >= LEAST_DRAWS:
+        misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
+        tables["predictions"] = predictions(draws, misfit)
+        tables["score"] = scores(tables["predictions"])
+    return tables
+
+
 def main() -> None:
-    """Write tables, figure and page; the predictions only if there are enough draws."""
+    """Compute the tables if there is a folder; write the figure and the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored copies)")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored tables)")
     folder = parser.parse_args().folder
+    warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
     if folder is not None:
         for file in FILES.values():
             if (folder / file.name).exists():
                 shutil.copyfile(folder / file.name, file)
     samples, draws = read_samples(fabric_tests(), FILES["samples"]), lines_of(FILES["draws"])
-    misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
-    tested = [sample for sample in samples if sample.points is not None]
-    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
-    if len(draws) >= LEAST_DRAWS:
-        tables["predictions"] = predictions(draws, misfit)
-        tables["score"] = scores(tables["predictions"])
-        draw(tables["predictions"], RESULTS / "with_fabric.png")
-    for name, table in tables.items():
-        table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
-        print(table.to_string(float_format="%.3g"))
+    if folder is not None:
+        for name, table in tables_of(samples, draws).items():
+            table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
+    stored = {
+        file.stem.removeprefix("with_fabric_"): pandas.read_csv(file) for file in RESULTS.glob("with_fabric_*.csv")
+    }
+    if "predictions" in stored:
+        draw(stored["predictions"], RESULTS / "with_fabric.png")
+    quantiles = stored["posteriors"].set_index(["training", "parameter"])
     values = {
+        "modulus": lambda training, name: f"{10.0 ** (quantiles.loc[(training, 'log10 of E'), name] - 9.0):.2g}",  # GPa
         "samples": len(samples),
-        "failed": len(samples) - len(tested),
+        "failed": sum(sample.points is None for sample in samples),
         "draws": len(draws),
-        "misfit": misfit,
-        "enough": len(draws) >= LEAST_DRAWS,
-        **tables,
+        "misfit": quantiles.loc[("drained and compression", "misfit"), "50 %"],
+        "enough": "predictions" in stored,
+        # a | would divide the cells of a table
+        **{name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True) for name, table in stored.items()},
     }
     page = render(Path(__file__).with_name("with_fabric_page.md"), values)
     (RESULTS / "with_fabric.md").write_text(page, encoding="utf-8")

@@ -21,7 +21,7 @@ import numpy as np
 
 from labkit.bodies.clumps import Clumps, rotation_matrices
 from labkit.errors import InputError
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_subclass
 from labkit.parameters import Number, check_parameters, parameter, parameters_of
 
 MOST = 8  # largest number of spheres in a clump
@@ -102,6 +102,7 @@ SHAPES = Registry[type[Shape]](
 
 def register_shape(kind: type[Shape]) -> type[Shape]:
     """Register a subclass of Shape under its `name`; use it as a class decorator."""
+    require_subclass(kind, Shape)
     return SHAPES.register(kind)
 
 

@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
 from labkit.errors import InputError, nearest, option_name
-from labkit.units import UNITS
+from labkit.units import UNITS, plain_unit
 
-UNIT_NAMES = {name for units in UNITS.values() for name in units}
+UNIT_NAMES = {name.lower(): name for units in UNITS.values() for name in units}
 POSITIONAL = ("path", "specimen", "figure", "file", "test")
 HELP = {"-h", "--help"}
 
@@ -55,13 +55,14 @@ class Parser(argparse.ArgumentParser):
         for before, word in itertools.pairwise(("the first word", *words)):
             if not word or re.fullmatch(r"--[a-z][a-z0-9-]*=(--)?", word):  # argparse reads -- as no value at all
                 self.error(f"{word.partition('=')[0] or before} is empty: give a value")
+            number, unit = before.rpartition("=")[2], UNIT_NAMES.get(plain_unit(word).lower())
+            if re.fullmatch(r"[-+.\d][-+.\de]*", number) and unit:
+                advice = f"write the value and its unit without a space, as in {number}{unit}, or in quotes"
+                self.error(f"{word} stands alone: {advice}")
         try:
             options, unknown = self.parse_known_args(self._join_values(words))
         except argparse.ArgumentError as error:
             self.error(f"{error.argument_name}: {error.message}" if error.argument_name else error.message)
-        if unknown and unknown[0] in UNIT_NAMES:
-            advice = f"write the value and its unit without a space, as in 300{unknown[0]}, or in quotes"
-            self.error(f"{unknown[0]} stands alone: {advice}")
         if unknown:
             names = [name for argument in self.arguments for name in argument.option_strings]
             close = nearest(unknown[0].partition("=")[0], names)
@@ -74,7 +75,7 @@ class Parser(argparse.ArgumentParser):
         options = {name for argument in self.arguments if argument.nargs is None for name in argument.option_strings}
         joined: list[str] = []
         for word in words:
-            if joined and joined[-1] in options and re.match(r"-(\.?\d|,)", word):
+            if joined and joined[-1] in options and re.match(r"-(\.?\d|,|inf|nan)", word, re.IGNORECASE):
                 joined[-1] += f"={word}"
             else:
                 joined.append(word)

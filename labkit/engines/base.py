@@ -13,7 +13,7 @@ from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_subclass
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.process.interruption import delay_interrupts
@@ -111,6 +111,7 @@ ENGINES = Registry[type[Engine]](
 
 def register_engine(kind: type[Kind]) -> type[Kind]:
     """Register a subclass of Engine under its `name`; use it as a class decorator."""
+    require_subclass(kind, Engine)
     return ENGINES.register(kind)
 
 

@@ -67,7 +67,11 @@ def mpi_library() -> Any:
 def launcher() -> list[str]:
     """Return the command that starts MPI programs. Raises InputError if none is found."""
     if os.environ.get(LAUNCHER):
-        return shlex.split(os.environ[LAUNCHER])
+        try:
+            return shlex.split(os.environ[LAUNCHER])
+        except ValueError:
+            problem = f"{LAUNCHER}={os.environ[LAUNCHER]} has a quote without its partner"
+            raise InputError(f"{problem}: name the command of the cluster") from None
     beside = Path(sys.executable).parent  # the launchers of the MPI library that pip installed
     program = shutil.which(LOCAL, path=beside) or shutil.which("mpiexec", path=beside) or shutil.which("mpiexec")
     if not program:

@@ -127,7 +127,7 @@ class FusedEngine(Engine):
         radius = np.array(state.radius, float)  # the user may change the array later
         self._start = state.replace(radius=radius, **dict.fromkeys(OWN))
         self._bodies_of_state = bodies_of(state)
-        self._scale = Scale.of(state.scene, radius)
+        self._scale = Scale.of(state)
 
     def _prepare(self) -> None:
         """Set everything that does not depend on single grains, and compile the functions."""

@@ -112,7 +112,7 @@ def wait_for_program(program: str, limit: float, hear: Callable[[], Result]) -> 
             return hear()
         if time.monotonic() > end:
             raise PhysicsError(
-                f"{program} has not started within {limit:g} s: start it by hand, in the same environment, to see why"
+                f"{program} did not start within {limit:g} s: start it by hand, in the same environment, to see why"
             )
     raise Interrupted(f"stopped by signal {number} while {program} started: give the same command again", 128 + number)
 

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from labkit.errors import InputError
-from labkit.figures.frame import WIDTH, Style, add_heading, new_figure, where
+from labkit.figures.frame import WIDTH, Style, add_heading, new_figure, snapshot_to_draw, where
 from labkit.micro.bodies import long_axes
 from labkit.micro.contact_sides import vectors_of_contacts
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean
@@ -41,10 +40,8 @@ def directions(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.
     bottom row shows the functions over the hemisphere of directions. For clumps, the density of the long axes is drawn
     over the density of the contact normals.
     """
-    at = run.lab.snapshot(snapshot)
+    at = snapshot_to_draw(run, snapshot)
     vectors = vectors_of_contacts(at)
-    if not len(vectors):
-        raise InputError("has no contacts", field="snapshot", value=snapshot, allowed="another")
     n = vectors.normal
     up = np.where(n[:, 2:] < 0.0, -n, n)
     pull = -vectors.tangential * np.where(n[:, 2:] < 0.0, -1.0, 1.0)  # reversed with the normal

@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from labkit.errors import printable
+from labkit.errors import InputError, printable
 from labkit.files.writable import stem
+from labkit.micro.snapshot import Snapshot
 from labkit.results.endings import LABORATORY
 
 Panels: TypeAlias = Any  # Axes, or an array of Axes
@@ -121,6 +122,14 @@ def strain_axis(run: xarray.Dataset, at_snapshots: bool = False) -> tuple[str, n
     The values are at every record or, if `at_snapshots`, at the snapshots.
     """
     return as_axis(run.lab.abscissa(), run["record"].values if at_snapshots else slice(None))
+
+
+def snapshot_to_draw(run: xarray.Dataset, number: int) -> Snapshot:
+    """Return the Snapshot with a number. Raises InputError if it has no contacts."""
+    snapshot: Snapshot = run.lab.snapshot(number)
+    if not len(snapshot.contacts):
+        raise InputError("has no contacts", field="snapshot", value=number, allowed="another")
+    return snapshot
 
 
 def where(run: xarray.Dataset, snapshot: int) -> str:

@@ -15,8 +15,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from labkit.errors import InputError
-from labkit.figures.frame import WIDTH, add_heading, colors_for, new_panels, ordered_colors, strain_axis, where
+from labkit.figures.frame import (
+    WIDTH,
+    add_heading,
+    colors_for,
+    new_panels,
+    ordered_colors,
+    snapshot_to_draw,
+    strain_axis,
+    where,
+)
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
@@ -76,6 +84,7 @@ def draw_group_stresses(
             panel.plot(strain, ratio["p"], color=color, label=label)
             panel.plot(strain[1:], ratio["q"][1:], "--", color=color)  # q is zero at the isotropic start
             group = {"group": k, "diameter_mm": stresses["diameter"].values[k] * 1e3, "axial_strain": axial}
+            group["strain"] = stresses["strain"].values
             tables.append(pandas.DataFrame({"stress": title.split(",")[0], **group, **ratio}))
         panel.set(xlabel=strain_label, title=title)
         panel.axhline(1.0, color="0.5", lw=0.8)
@@ -90,7 +99,7 @@ def densities(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple
 
     If some contacts are in tension, the means are taken over the magnitudes.
     """
-    at = run.lab.snapshot(snapshot)
+    at = snapshot_to_draw(run, snapshot)
     edges = diameter_edges(at, groups)
     side_group = groups_by_diameter(at, edges)[at.contacts.grain]
     force = np.stack([at.contacts.normal_force] * 2, axis=1)
@@ -191,11 +200,9 @@ def planes(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     At rest the traction is the same on all parallel planes, because each layer between two of them is in equilibrium;
     a difference comes from the unbalanced force.
     """
-    grains = run.lab.snapshot(snapshot)
+    grains = snapshot_to_draw(run, snapshot)
     love = love_stress(grains)
     p = float(mean_stress(love))
-    if p == 0.0:
-        raise InputError("carries no stress", field="snapshot", value=snapshot, allowed="another")
     position = (np.arange(PLANES) + 0.5) / PLANES
     figure, panels = new_panels(1, 3, 3.6, sharey=True)
     rows = []

@@ -11,7 +11,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import add_heading, colors_for, new_panels, plain_ticks, strain_axis
+from labkit.figures.frame import add_heading, colors_for, new_panels, plain_ticks, snapshot_to_draw, strain_axis
+from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import mean_stress, relative_error
 from labkit.results.figures import register_figure
 from labkit.sff import family as sff_family
@@ -28,6 +29,7 @@ FORM_NAMES = {
     "c0_fourth": "C0, normal 4th order",
     "fourth": "by volume, 4th order",
 }
+STRAINS = ("axial_strain", "strain")  # columns of tables; `strain` is that of the path, e.g. gamma_xz
 LINES = ("-", "--", ":") * 4
 ROUNDS = 25  # number of timed evaluations of each form
 TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled", "M": "M", "-X": "-X"}
@@ -52,7 +54,7 @@ def shares(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
         right.plot(strain, 100 * np.divide(values, total, where=large, out=total * np.nan), color=color)
     right.set(xlabel=strain_label, ylabel="share of q/p of C0 (%)")
     figure.key(5)
-    table = {"axial_strain": terms["axial_strain"].values, "q_over_p_love": love}
+    table = {name: terms[name].values for name in STRAINS} | {"q_over_p_love": love}
     table |= dict(zip(terms["term"].values, terms.values, strict=True))
     add_heading(figure, run)
     return figure, pandas.DataFrame(table)
@@ -87,7 +89,8 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     """Draw the error of every stress-force-fabric equation relative to Love's stress against strain, and its cost."""
     stresses, love = run.lab.sff_family(), run.lab.love_stress().values
     error = {form: relative_error(stresses.sel(form=form).values, love) for form in sff_family.FORMS}
-    cost = _costs(run, snapshot)
+    contacts = snapshot_to_draw(run, snapshot)
+    cost = _costs(contacts)
     strain_label, strain = strain_axis(run, at_snapshots=True)
     figure, (left, right) = new_panels(1, 2, 4.8)
     rows = []
@@ -107,8 +110,8 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
         costs = {"milliseconds": cost[form] * 1e3, "cost_over_c0": cost[form] / cost["c0"]}
         rows.append({"form": form, **errors, **costs})
     left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
-    number_of_contacts = int(run["row_size"].values[snapshot])
-    right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
+    number = len(contacts.contacts)
+    right.set(xlabel=f"time for {number} contacts (ms)", ylabel="mean error without the first snapshot (%)")
     for axis in (left.yaxis, right.yaxis, right.xaxis):
         plain_ticks(axis)
     add_heading(figure, run)
@@ -116,9 +119,8 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     return figure, pandas.DataFrame(rows)
 
 
-def _costs(run: xarray.Dataset, snapshot: int) -> dict[str, float]:
+def _costs(contacts: Snapshot) -> dict[str, float]:
     """Return the median evaluation time of each form on one snapshot, s; the forms are timed in turn."""
-    contacts = run.lab.snapshot(snapshot)
     seconds: dict[str, list[float]] = {form: [] for form in sff_family.FORMS}
     for _ in range(ROUNDS):
         for form, times in seconds.items():
@@ -144,7 +146,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     """
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
     by_volume = run.lab.sff_stress_by_volume().values - love
-    axial, p = parts["axial_strain"].values, mean_stress(love)
+    p = mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)
     shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
     figure, axes = new_panels(1, 2, 5.0)
@@ -162,16 +164,17 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     scatter = standard_errors(at) if len(at.contacts) else {}
     rows = [
         {
-            "axial_strain": axial[k],
+            **{name: parts[name].values[k] for name in STRAINS},
             "part": part,
             "p_error": mean_stress(parts.values[k, i]) / p[k],
             "q_error": run.lab.part_of_q(parts.values[k, i], love[k]) / p[k],
             "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
         }
-        for k in range(len(axial))
+        for k in range(len(love))
         for i, part in enumerate(PARTS)
     ]
     table = pandas.DataFrame(rows)
     last = {part: np.linalg.norm(error) / np.linalg.norm(love[snapshot]) for part, error in scatter.items()}
-    table["norm_standard_error"] = np.where(table["axial_strain"] == axial[snapshot], table["part"].map(last), np.nan)
+    here = np.repeat(np.arange(len(love)) == range(len(love))[snapshot], len(PARTS))
+    table["norm_standard_error"] = np.where(here, table["part"].map(last), np.nan)
     return figure, table

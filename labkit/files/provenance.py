@@ -37,7 +37,11 @@ LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotl
 
 
 def provenance_json(
-    command: str | None = None, inputs: Iterable[Name] = (), output: Name | None = None, seed: int | None = None
+    command: str | None = None,
+    inputs: Iterable[Name] = (),
+    output: Name | None = None,
+    seed: int | None = None,
+    task: str | None = None,
 ) -> str:
     """Return the provenance of a file that is being created, as JSON text.
 
@@ -46,6 +50,7 @@ def provenance_json(
         inputs: Files that were read; their names are stored relative to the folder of the output.
         output: File being created.
         seed: Random seed.
+        task: What was done, e.g. specimen or consolidation.
     """
     folder = Path(os.path.realpath(output)).parent if output else Path.cwd()
     record: dict[str, object] = {
@@ -62,6 +67,8 @@ def provenance_json(
     }
     if seed is not None:
         record["seed"] = int(seed)
+    if task is not None:
+        record["task"] = task
     return json.dumps(record)
 
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.extensions import require_subclass
 from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.scene import Scene
 from labkit.parameters import Parameter, named, parameters_of
@@ -23,6 +24,7 @@ def register_law(kind: type[Kind]) -> type[Kind]:
     Raises InputError if the force of its normal part is not the derivative of its energy, or if one of its parameters
     has a name that a scene uses otherwise.
     """
+    require_subclass(kind, ContactLaw)
     require_potential(kind)
     require_names(kind.parts_by_kind.parameters)
     return LAWS.register(kind)

@@ -9,6 +9,9 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.micro.snapshot import Snapshot, contact_dyads
 from labkit.micro.void_ratio import grain_volume
+from labkit.parameters import Parameter
+
+GROUPS = Parameter("groups", low=1, high=1000, kind=int)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,7 +57,11 @@ def _weighted_sum(weights, stresses):
 
 
 def diameter_edges(snapshot: Snapshot, groups: int) -> np.ndarray:
-    """Return the edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), in m."""
+    """Return the edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), in m.
+
+    Raises InputError unless the number of groups is 1 to 1000.
+    """
+    groups = GROUPS.read(groups)
     low, high = 2.0 * snapshot.radius.min(), 2.0 * snapshot.radius.max()
     return np.linspace(low, high, groups + 1)
 
@@ -64,8 +71,12 @@ def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
 
     Raises InputError if the edges, in m, are not ascending, or a grain lies outside them.
     """
-    edges, diameter = np.asarray(edges, dtype=float), 2.0 * snapshot.radius
-    if len(edges) < 2 or not (np.diff(edges) >= 0.0).all():
+    diameter = 2.0 * snapshot.radius
+    try:
+        edges = np.asarray(edges, dtype=float)
+    except (TypeError, ValueError):
+        edges = np.zeros(0)
+    if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) >= 0.0).all():
         raise InputError("the edges of the size groups must be ascending: give at least two diameters in m")
     if len(diameter) and (diameter.min() < edges[0] or diameter.max() > edges[-1]):
         raise InputError(
@@ -84,8 +95,15 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
         snapshot: The snapshot.
         group: Index of the group of each grain, from 0 to `groups` - 1, (grain,), int.
         groups: Number of groups.
+
+    Raises:
+        InputError: If `group` does not have such an index for each grain.
     """
-    group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume
+    groups, group = GROUPS.read(groups), np.asarray(group)
+    if not (group.shape == snapshot.radius.shape and group.dtype.kind in "iu" and np.isin(group, range(groups)).all()):
+        allowed = f"a whole number from 0 to {groups - 1} for each of the {len(snapshot.radius)} grains"
+        raise InputError("is not the group of each grain", field="group", allowed=allowed)
+    contacts, radius, volume = snapshot.contacts, snapshot.radius, snapshot.volume
     lf = contact_dyads(snapshot).reshape(-1, 2, 9)
     side_group = group[contacts.grain]  # (n, 2)
     moment = np.stack(

@@ -25,6 +25,7 @@ from labkit.paths.step import Here, Record, Step
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
 from labkit.quantities.recorded import quantity
+from labkit.servo.reach import met_at_start, refusal
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # parts of a span between records, in each of which a varying control is constant
@@ -299,8 +300,7 @@ def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, np.ndarray]:
 def _require_start(model: ConstitutiveLaw, path: Path, y: np.ndarray) -> None:
     model.require_start(y)
     stress = model.stress(y)
-    first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
-    control = control_of(first)
+    control = control_of(next(iter(path.steps_from(Here(stress)))))
     stresses = control.measure @ to_six(stress)
     if control.target.size:
         off = np.abs(stresses - control.target).max() / max(float(mean_stress(stress)), 1e-300)
@@ -309,7 +309,9 @@ def _require_start(model: ConstitutiveLaw, path: Path, y: np.ndarray) -> None:
                 f"the initial stress differs from the stress that {path.name} holds by {off:.1%} of the mean stress: "
                 "bring the state to that stress first (isoc, isod), or hold its current stress"
             )
-    if not others and first.ends_at(stress):
-        problem = f"stops {path.name} immediately, because the initial mean stress is {mean_stress(stress):g} Pa"
-        pressure: object = getattr(path, "pressure", None)  # None for a user's path that stops at another condition
-        raise InputError(problem, field="stop_pressure", value=pressure, allowed="a stress reached later on the path")
+    if (end := met_at_start(path, stress)) is not None:
+        initial = f"{end.name.replace('the ', 'the initial ')} is {end.measured(stress):g} Pa"
+        problem = f"stops {path.name} immediately, because {initial}"
+        error = refusal(path, end, problem, "a stress reached later on the path")
+        error.field = {"pressure": "stop_pressure"}.get(str(error.field), error.field)
+        raise error

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_subclass
 from labkit.parameters import Values, parameters_of
 from labkit.paths.path import Path, require_direction
 
@@ -61,6 +61,7 @@ def register_path(kind: type[Kind]) -> type[Kind]:
 
     Raises InputError unless `direction` is three numbers, the third of them not negative.
     """
+    require_subclass(kind, Path)
     require_direction(kind)
     return PATHS.register(kind)
 

@@ -118,6 +118,7 @@ def position_of(checkpoint: netCDF4.Group) -> Position:
 
 Parameters = Mapping[str, object]
 
+CODE_OF_LAW = "code_of_law"  # setting: a hash of the code of a user-defined contact law
 NAMES = ("label", "durations")  # fields of steps that only appear in messages and output
 MOST_SHOWN, LONGEST = 3, 60  # differences in a message, and characters of a value
 
@@ -125,7 +126,8 @@ MOST_SHOWN, LONGEST = 3, 60  # differences in a message, and characters of a val
 def differences(stored: Parameters, requested: Parameters) -> str:
     """Return the parameters and settings in which two runs differ, each with both values; empty if they are the same.
 
-    The label of a step is no difference. If the path differs, only the path is named.
+    The label of a step is no difference, nor is the code of a law that the file of an earlier version lacks. If the
+    path differs, only the path is named.
 
     Args:
         stored: `path` and the attribute `path_parameters` of the run in the file.
@@ -134,6 +136,7 @@ def differences(stored: Parameters, requested: Parameters) -> str:
     if stored["path"] != requested["path"]:
         stored, requested = {"path": stored["path"]}, {"path": requested["path"]}
     ours, theirs = _flat(stored), _flat(requested)
+    ours.setdefault(CODE_OF_LAW, theirs.get(CODE_OF_LAW))
     names = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
     said = [_said(name, ours.get(name, "not set"), theirs.get(name, "not set")) for name in names[:MOST_SHOWN]]
     return "; ".join(said) + (f"; {len(names) - MOST_SHOWN} more differ" if len(names) > MOST_SHOWN else "")

@@ -258,8 +258,8 @@ class Lab(OfRecords):
         """
         self._require_grains()
         grains = self._without_contacts()
-        edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
-        group = groups_by_diameter(grains, edges)
+        edges = diameter_edges(grains, groups) if edges is None else edges
+        group, edges = groups_by_diameter(grains, edges), np.asarray(edges, dtype=float)
 
         def stresses(snapshot: Snapshot) -> dict[str, object]:
             values = group_stresses(snapshot, group, len(edges) - 1)
@@ -331,7 +331,8 @@ class Lab(OfRecords):
         return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
 
     def _snapshot_coordinates(self) -> dict[str, object]:
-        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
+        of_path = self.strain().values[self._run["record"].values]
+        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values), "strain": ("snapshot", of_path)}
 
 
 def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:

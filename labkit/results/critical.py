@@ -17,7 +17,8 @@ import xarray
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
+from labkit.parameters import Parameter
 from labkit.paths.registry import PATHS
 from labkit.results.dataset import datasets_of
 from labkit.results.stationary import CONFIDENCE, slope
@@ -236,10 +237,17 @@ def critical_line(states: pandas.DataFrame, exponent: float = EXPONENT) -> Criti
         states: Rows with the columns p_MPa and e and, if there are several tests of a specimen, `specimen`.
         exponent: Exponent of p; 0 for a line in ln p.
     """
-    p, e = 1e6 * states["p_MPa"].to_numpy(dtype=float), states["e"].to_numpy(dtype=float)
-    if not 0.0 <= exponent <= 2.0:
-        raise InputError(field="exponent", value=exponent, allowed="0 (for ln p) to 2")
-    if len(p) < 2 or p.min() <= 0.0 or p.max() < LEAST_RANGE * p.min():
+    require_type(states, pandas.DataFrame, "states", "labkit.critical_states(runs)")
+    exponent = Parameter("exponent", low=0.0, high=2.0).read(exponent)
+    if len(states) < 2:
+        raise InputError(f"a critical-state line needs two tests or more, and the table has {len(states)}: give more")
+    if missing := {"p_MPa", "e"} - set(states):
+        raise InputError(f"the table has no column {min(missing)}: give the result of labkit.critical_states")
+    p, e = (pandas.to_numeric(states[name], "coerce").to_numpy(dtype=float) for name in ("p_MPa", "e"))
+    p = 1e6 * p
+    if not (np.isfinite(e) & np.isfinite(p) & (p > 0.0)).all():
+        raise InputError("a critical-state line needs tests with a positive p: leave out those without one")
+    if p.max() < LEAST_RANGE * p.min():
         problem = f"a critical-state line needs tests whose p differs by a factor of {LEAST_RANGE:g}"
         raise InputError(f"{problem}: give tests at other pressures")
     design = np.column_stack([np.ones(len(p)), -_of_pressure(p, exponent)])

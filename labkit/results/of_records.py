@@ -278,7 +278,11 @@ class OfRecords(Accessor):
         return xr.DataArray(
             np.array(list(shares.values())),
             dims=("term", "time"),
-            coords={"term": list(shares), "axial_strain": ("time", self._run["axial_strain"].values)},
+            coords={
+                "term": list(shares),
+                "axial_strain": ("time", self._run["axial_strain"].values),
+                "strain": ("time", self.strain().values),
+            },
             attrs={"units": "1", "long_name": "contribution to q/p of C0"},
         )
 

@@ -18,9 +18,10 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.parameters import parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Path
-from labkit.paths.step import Here
+from labkit.paths.step import Here, StressReached
 
 STRAIN = 0.02
 ERROR = 0.02
@@ -89,9 +90,21 @@ def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, ac
 
 def require_way(path: Path, stress: np.ndarray) -> None:
     """Raise InputError if this stress (3, 3), in Pa, already meets the end condition of a path of one step."""
+    if (end := met_at_start(path, stress)) is not None:
+        now = float(end.measured(stress))
+        problem = f"Pa is where path {path.name} stops, but {end.name} of the specimen is {now:.4g} Pa"
+        raise refusal(path, end, problem, "another stress, or another specimen")
+
+
+def met_at_start(path: Path, stress: np.ndarray) -> StressReached | None:
+    """Return the end condition of a path of one step that a stress (3, 3), in Pa, already meets, or None."""
     first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
-    if not others and first.ends_at(stress):
-        pressure = float(mean_stress(stress))
-        problem = f"Pa is where path {path.name} stops, but the mean stress of the specimen is {pressure:.4g} Pa"
-        stated = getattr(path, "pressure", None)
-        raise InputError(problem, field="pressure", value=stated, allowed="another pressure, or another specimen")
+    return None if others else next((end for end in first.stress_ends if end.is_met(stress)), None)
+
+
+def refusal(path: Path, end: StressReached, problem: str, allowed: str) -> InputError:
+    """Return the error about the stress at which a path ends, with the parameter of the path that sets it, if any."""
+    of_stress = (name for name, row in parameters_of(type(path)).items() if row.unit == "Pa")
+    field = next((name for name in of_stress if end.level in np.ravel(getattr(path, name))), None)
+    problem = problem if field else f"{end.level:g} {problem}: give {allowed}"
+    return InputError(problem, field=field, value=end.level, allowed=allowed)

@@ -14,6 +14,7 @@ import numpy as np
 
 from labkit.engines.base import Progress, Request, silent
 from labkit.engines.device import Device
+from labkit.engines.kernel.sources import code_of_law
 from labkit.errors import ProgramError
 from labkit.grains.state import State
 from labkit.micro.snapshot import love_stress
@@ -25,6 +26,7 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here
 from labkit.process.interruption import Signals, stop_on_signals
 from labkit.quantities.conditions import condition
+from labkit.records.checkpoint import CODE_OF_LAW
 from labkit.records.energy import open_ledger
 from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
@@ -116,6 +118,7 @@ def simulation(
         "guarded": options.guarded,
         **{name: value for name in IF_GIVEN if (value := getattr(options, name)) is not None},
         **({"precision": device.precision} if device.precision != "double" else {}),
+        **({CODE_OF_LAW: code} if (code := code_of_law(specimen.scene)) else {}),
     }
     extra = ACCUMULATED if options.inertial_number is not None else {}
     recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
@@ -128,7 +131,7 @@ def simulation(
                 raise unfinished_error(stored.endings.reason, output)
             if not stored:
                 interim = None if isinstance(output, RunInMemory) else interim_of(output)
-                specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
+                specimen = yield from prepare(specimen, path, device, progress, options.guarded, interim, signals)
                 require_way(path, love_stress(specimen.snapshot()))
             grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
             yield from grains.run()
@@ -141,7 +144,13 @@ def simulation(
 
 
 def prepare(
-    specimen: State, path: Path, engine: str, progress: Progress, guarded: bool, interim: File | None, signals: Signals
+    specimen: State,
+    path: Path,
+    device: Device,
+    progress: Progress,
+    guarded: bool,
+    interim: File | None,
+    signals: Signals,
 ) -> Generator[Request, object, State]:
     """Return the specimen at rest at the initial pressure of the path, after consolidation if necessary.
 
@@ -157,5 +166,5 @@ def prepare(
         def show(done: float, text: str) -> None:
             progress(0.0, text)
 
-        specimen = yield from approach(specimen, target, engine, show, interim, signals)
+        specimen = yield from approach(specimen, target, device, show, interim, signals, guarded=guarded)
     return open_ledger(specimen)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import contextlib
 import dataclasses
+import json
 from collections.abc import Generator
 from pathlib import Path as File
 from typing import ClassVar, Generic, TypeVar
@@ -55,6 +56,7 @@ class Task(abc.ABC, Generic[Result]):
         device: Engine, with threads or ranks and precision.
         output: File to write.
         history: Command to record.
+        files: Files from which the task was read, such as a path file or a sieve curve.
 
     Raises:
         InputError: If the task is impossible or its output cannot be written.
@@ -63,6 +65,7 @@ class Task(abc.ABC, Generic[Result]):
     device: Device = dataclasses.field(default_factory=Device)
     output: str | None = None
     history: str = ""
+    files: tuple[str, ...] = ()
 
     writes: ClassVar[str] = "state"  # kind of the output
 
@@ -74,7 +77,7 @@ class Task(abc.ABC, Generic[Result]):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Input files, for the provenance; none of them is overwritten."""
-        return ()
+        return self.files
 
     @property
     @abc.abstractmethod
@@ -98,7 +101,8 @@ class Task(abc.ABC, Generic[Result]):
     def with_origin(self, state: State) -> State:
         """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        provenance = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
+        inputs = (*self.inputs, *files_in_use())
+        provenance = provenance_json(self.history or None, inputs, self.output, state.seed, self.title)
         return state.replace(history=history, provenance=provenance)
 
     def finish(self, state: State) -> State:
@@ -140,7 +144,8 @@ class SpecimenTask(Task[State]):
         """True if a State is the specimen of this task, on any number of threads."""
         same = state.scene, state.engine, state.precision
         mine = self.material, self.device.name, self.device.precision
-        return same == mine and Recipe.from_json(state.recipe) == self.recipe
+        task = json.loads(state.provenance or "{}").get("task", self.title)  # earlier versions do not say it
+        return same == mine and Recipe.from_json(state.recipe) == self.recipe and task == self.title
 
     def do(self, progress: Progress) -> State:
         make = MAKERS[self.recipe.preparation]
@@ -166,7 +171,7 @@ class StateTask(Task[Result]):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Input files, for the provenance."""
-        return () if self.source is None else (self.source,)
+        return self.files if self.source is None else (self.source, *self.files)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,7 @@ import numpy as np
 
 from labkit.engines.base import Load, Progress, Request, carry_out, silent
 from labkit.engines.device import Device
+from labkit.engines.kernel.sources import code_of_law
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state, write_state
@@ -85,7 +86,7 @@ def level_stress(state: State, unbalanced: float, device: Device, progress: Prog
     """
     if len(state.contact_grain) == 0:
         return state
-    return device.drive(approach(state, Levelling(), device.name, progress, None, Signals(), unbalanced))
+    return device.drive(approach(state, Levelling(), device, progress, None, Signals(), unbalanced))
 
 
 def bring_to(
@@ -103,37 +104,40 @@ def bring_to(
         interim: File in which the state is saved regularly, so that an interrupted consolidation can be continued.
     """
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
-        return device.drive(approach(specimen, path, device.name, progress, interim, signals))
+        return device.drive(approach(specimen, path, device, progress, interim, signals))
 
 
 def approach(
     specimen: State,
     path: Path,
-    engine: str,
+    device: Device,
     progress: Progress,
     interim: File | None,
     signals: Signals,
     unbalanced: float = UNBALANCED,
+    guarded: bool = True,
 ) -> Generator[Request, Answer, State]:
-    """Yield the requests of `bring_to` to the engine named `engine` (labkit.engines.base); stops at a signal.
+    """Yield the requests of `bring_to` to the engine of a device (labkit.engines.base); stops at a signal.
 
-    The grains are at rest when their unbalanced force is below `unbalanced`.
+    The grains are at rest when their unbalanced force is below `unbalanced`. If `guarded` is False, the time step and
+    the energy balance do not stop the consolidation.
     """
     path = on_grains(path, specimen.scene)
     control = path.control()
     if control is None:
         raise InputError(f"path {path.name} holds no stress: choose a path that does")
-    kept = Interim(interim, specimen, path, engine)
+    kept = Interim(interim, specimen, path, device)
     state = kept.resume()
     begin = state.step if state else 0
-    abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
+    abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest(), guarded))))
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
         kept.keep(state, signals)
         snapshot = state.snapshot()
-        require_balanced(state, snapshot)
+        if guarded:
+            require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
         progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
         force = unbalanced_force(snapshot)
@@ -144,6 +148,9 @@ def approach(
             break
         yield from advance_along(held, rate, state, snapshot, CHECK_INTERVAL, abilities.follow is not None)
     when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
+    if error < TOLERANCE:
+        advice = "increase the friction or local_damping, or choose a larger stress"
+        raise PhysicsError(f"the specimen reached its stresses, but did not come to rest in {when}: {advice}")
     raise PhysicsError(_why_missed(path, control, when))
 
 
@@ -184,13 +191,14 @@ def _why_missed(path: Path, control: Control, when: str) -> str:
 class Interim:
     """Saves intermediate states to a file while a specimen is consolidated along a path.
 
-    If `file` is None, nothing is saved. `engine` is the name of the engine.
+    If `file` is None, nothing is saved.
     """
 
-    def __init__(self, file: File | None, specimen: State, path: Path, engine: str) -> None:
+    def __init__(self, file: File | None, specimen: State, path: Path, device: Device) -> None:
         """Prepare to save; no file is opened yet."""
         self.file = file
-        aim = [specimen.digest(), path.name, dataclasses.asdict(path), engine]
+        engine = [device.name, device.precision, code_of_law(specimen.scene)]
+        aim = [specimen.digest(), path.name, dataclasses.asdict(path), *engine]
         self._key = hashlib.sha256(json.dumps(aim).encode()).hexdigest()
         self._specimen, self._owner = specimen, os.getpid()
         self._saved, self._took = time.monotonic(), 0.0

@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 
-from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_shape
+from labkit.bodies.shapes import Shape, Sphere, clumps_in_place_of, measure_shape, read_shape
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -96,6 +96,8 @@ class Recipe:
             raise InputError("is missing", field="void_ratio", allowed="one, e.g. 0.67")
         for shape in self.shapes:
             measure_shape(shape)
+        if all(isinstance(shape, Sphere) for shape in self.shapes):
+            object.__setattr__(self, "shape", Recipe.shape)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":

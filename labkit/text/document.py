@@ -27,11 +27,11 @@ Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines; `folder` contains the file, and file names are relative to it."""
+    """The errors in a file, with their lines; `files` are further files that were read, relative to its `folder`."""
 
     def __init__(self, folder: Path) -> None:
         """Start without errors."""
-        self.folder = folder
+        self.folder, self.files = folder, list[Path]()
         self.all: dict[tuple[int, str], None] = {}
 
     def add(self, line: int, text: str) -> None:

@@ -12,6 +12,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.grains.state_file import read_state, write_state
 from labkit.micro.void_ratio import lens_volume
+from labkit.specimens.recipe import Recipe
 from tests.bodies.clumped import clumped
 
 
@@ -105,3 +106,8 @@ def test_the_first_of_several_wrong_parameters_is_named_in_every_process():
     """A set has another order in each process."""
     with pytest.raises(InputError, match="'a'"):
         read_shape("rod " + " ".join(f"{name}=1" for name in "fbdace"))
+
+
+@pytest.mark.parametrize("text", ["sphere ", " sphere", "sphere, sphere"])
+def test_spheres_are_spheres_however_they_are_written(text):
+    assert Recipe(0.67, shape=text) == Recipe(0.67)

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import labkit as lk
+from labkit.engines import followers
 from labkit.engines.fused import FusedEngine
 from labkit.engines.host import build
 from labkit.engines.kernel import host
@@ -274,7 +275,7 @@ def test_one_grain_far_too_large_for_the_others_is_refused_at_once():
     radius = np.full(100_000, 1e-5)
     radius[0] = 1e-2
     position = np.random.default_rng(1).random((len(radius), 3)) * 2.5e-2
-    with pytest.raises(lk.PhysicsError, match="or the largest grain too large for the others"):
+    with pytest.raises(lk.PhysicsError, match="the largest grain too large for the others"):
         FusedEngine(grains_in_cell(lk.Scene(), radius, position, np.eye(3) * 2.5e-2))
 
 
@@ -436,3 +437,12 @@ print(fork.exitcode, advance(engine) > 0.0)
 """
     done = run_program(program)
     assert done.stdout == "0 True\n" and "forked" in done.stderr, done.stderr
+
+
+def test_a_quote_without_its_partner_in_the_environment_is_said(monkeypatch):
+    monkeypatch.setenv("CXX", 'g++ "-O2')
+    with pytest.raises(build.CannotCompile, match=r"CXX=.* has a quote without its partner"):
+        build.compiler()
+    monkeypatch.setenv(followers.LAUNCHER, "srun 'x")
+    with pytest.raises(lk.InputError, match=rf"{followers.LAUNCHER}=.* has a quote without its partner"):
+        followers.launcher()

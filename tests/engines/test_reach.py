@@ -264,3 +264,27 @@ def test_yade_refuses_a_law_that_it_lacks_and_says_why(law, reason):
 def test_a_scene_with_bonds_needs_a_law_with_bonds():
     with pytest.raises(InputError, match="has no bonds"):
         lk.bond(grains(Scene(), [(1, 1, 1)]), Scene())
+
+
+@pytest.mark.parametrize("stretch, whole", [(0.0, True), (0.99, True), (1.02, False)])
+def test_a_bond_across_a_gap_holds_until_its_strength(stretch, whole):
+    scene = Scene(law="bonded")
+    length = 2.4 * (1.0 + stretch * scene.bond_strength / scene.bond_modulus)
+    state = grains(scene, [(10, 10, 10), (10 + length, 10, 10), (20, 20, 20)], length=np.array([2.4 * R, 0.0]))
+    assert FusedEngine(state).state().columns["bond_length"].any() == whole
+
+
+@pytest.mark.parametrize("specimen", ["bonded"], indirect=True)
+def test_bonds_that_never_break_are_refused(specimen):
+    strong = lk.bond(specimen, specimen.scene.replace(bond_strength=1e12))
+    with pytest.raises(InputError) as refused:
+        lk.run(strong, lk.paths.ConstantVolume(strain=0.004, rate=100.0), progress=False)
+    assert refused.value.field == "bond_strength" and refused.value.value == 1e12
+
+
+@pytest.mark.parametrize("specimen", ["capillary"], indirect=True)
+def test_all_contacts_of_a_specimen_with_bridges_can_be_bonded(specimen):
+    bonded = lk.bond(specimen, Scene(law="bonded"))
+    run = lk.run(bonded, lk.paths.ConstantVolume(strain=0.004, rate=100.0), progress=False)
+    assert (run.snapshots[0].contacts.overlap < 0.0).any()
+    assert len(run.snapshots[0].contacts) == len(bonded.contact_grain)

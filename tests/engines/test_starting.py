@@ -67,7 +67,7 @@ def test_a_yade_that_does_not_start_is_given_up(sheared_state, tmp_path, monkeyp
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
     monkeypatch.setattr(server, "START", 1.0)
-    with pytest.raises(PhysicsError, match="YADE has not started within 1 s: start it by hand"):
+    with pytest.raises(PhysicsError, match="YADE did not start within 1 s: start it by hand"):
         lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), engine="yade", progress=False)
     wait_until(lambda: has_ended(file))
     assert followers.SILENCE == 600.0  # many ranks on a slow file system
@@ -78,7 +78,7 @@ def test_ranks_that_do_not_start_are_given_up(tmp_path, monkeypatch):
     program, file = sleeping(tmp_path, "mpiexec")
     monkeypatch.setenv(followers.LAUNCHER, str(program))
     monkeypatch.setattr(followers, "SILENCE", 1.0)
-    with pytest.raises(PhysicsError, match="the other ranks has not started within 1 s"):
+    with pytest.raises(PhysicsError, match="the other ranks did not start within 1 s"):
         followers.start_followers(2, 1)
     wait_until(lambda: has_ended(file))
 

@@ -146,3 +146,32 @@ def test_any_function_of_contacts_can_be_followed(run):
     with pytest.raises(InputError, match="shape"):
         run.lab.over_snapshots(lambda snapshot: {"radius": snapshot.radius})
     assert float(found["largest_force"][-1]) == float(run.lab.contacts(-1)["normal_force"].max())
+
+
+@pytest.mark.parametrize("figure", ["family", "densities", "directions", "planes"])
+def test_a_snapshot_without_contacts_is_not_drawn(figure, apart):
+    with pytest.raises(InputError, match="has no contacts"):
+        Run(apart).plot(figure)
+    assert Run(apart).plot(figure, snapshot=0) is not None
+
+
+@pytest.fixture(scope="module")
+def apart(run):
+    """A run whose last snapshot has no contacts."""
+    sizes = run["row_size"].copy()
+    last = int(sizes[-1])
+    sizes[-1] = 0
+    return run.isel(contact=slice(0, -last)).assign(row_size=sizes)
+
+
+def test_tables_of_simple_shear_have_the_shear_strain(soft_specimen):
+    path = labkit.paths.SimpleShearConstantVolume(strain=0.01, rate=100.0)
+    run = labkit.run(soft_specimen, path, progress=False, record_strain=5e-3, snapshots=2).data
+    gamma = run.lab.strain().values
+    assert gamma[-1] == pytest.approx(0.01, rel=1e-3) and abs(run["axial_strain"].values).max() < 1e-4
+    assert labkit.Run(run).plot("shares") is not None
+    for figure in ("shares", "budget", "groups"):
+        table = FIGURES[figure](run)[1]
+        assert sorted(set(table["strain"])) == pytest.approx(sorted(gamma), abs=1e-12)
+    budget = FIGURES["budget"](run)[1]
+    assert set(budget[budget["norm_standard_error"].notna()]["strain"]) == {gamma[-1]}

@@ -43,6 +43,19 @@ def test_an_empty_option_is_refused(words, capsys):
     assert " is empty: give a value" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (["--pressure", "300", "kpa", "s.state.nc"], "kpa stands alone: write the value and its unit without a space"),
+        (["s.state.nc", "--pressure", "0.3", "MN/m^2"], "as in 0.3MN/m2"),
+        (["s.state.nc", "--pressure", "-inf"], "--pressure -inf is not valid"),
+    ],
+)
+def test_a_unit_apart_and_an_infinite_pressure_are_refused_for_their_reason(words, said, capsys):
+    assert main(["consolidate", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_an_array_of_text_is_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([["1", "1", "1", "0.1"]]))
     with pytest.raises(lk.InputError, match="not numbers: give an array of numbers"):

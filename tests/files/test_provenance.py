@@ -129,3 +129,18 @@ def test_a_provenance_of_another_structure_is_damaged(words, tmp_path):
     for file in (table, picture):
         with pytest.raises(lk.InputError, match=r"is damaged: restore a copy"):
             provenance.provenance_of(file)
+
+
+def test_path_files_their_tables_and_sieve_curves_are_inputs(soft_specimen, labkit_command, tmp_path):
+    lk.write_state(tmp_path / "s.state.nc", soft_specimen)
+    (tmp_path / "p.yaml").write_text("path: steps\nsteps:\n  - table: t.csv\n")
+    (tmp_path / "t.csv").write_text("strain_zz [%]\n0\n0.1\n")
+    (tmp_path / "curve.csv").write_text("diameter_mm,passing_percent\n0.1,0\n0.2,100\n")
+    run = ["run", "p.yaml", "s.state.nc", "--settings", "quick", "-o", "r.run.nc"]
+    made = ["specimen", "--void-ratio", 0.6, "--grains", 150, "--grading", "curve.csv", "-o", "c.state.nc"]
+    for words, output, inputs in (
+        (run, "r.run.nc", ["s.state.nc", "p.yaml", "t.csv"]),
+        (made, "c.state.nc", ["curve.csv"]),
+    ):
+        assert labkit_command(*words, cwd=tmp_path).returncode == 0
+        assert [row["file"] for row in provenance.provenance_of(tmp_path / output)["inputs"]] == inputs

@@ -39,3 +39,9 @@ def test_other_names_and_further_defaults_are_accepted():
             return m * k + 0.0 * depth + extra
 
     assert np.isclose(Spring.tangent(2.0, 1e-6), 2.0)
+
+
+@pytest.mark.parametrize("parts", [lk.laws.LinearSpring, (lk.laws.LinearSpring(),), 5])
+def test_a_law_whose_parts_are_no_parts_is_refused(parts):
+    with pytest.raises(lk.InputError, match="is no part of a contact law"):
+        type("Own", (lk.ContactLaw,), {"name": "no_parts", "parts": parts})

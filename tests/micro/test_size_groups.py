@@ -1,5 +1,7 @@
 """Eqs. 13-18: the stresses of any groups add up to Love's stress."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -66,3 +68,29 @@ def test_the_largest_grain_is_in_the_last_group():
 def test_invalid_edges_are_refused(edges, message):
     with pytest.raises(InputError, match=message):
         groups_by_diameter(snapshot_of([0.6, 1.4]), edges)
+
+
+@pytest.fixture
+def snapshot():
+    return make(3, 60, 12, 2.0, 0.3)
+
+
+@pytest.mark.parametrize("groups", [-5, 0, 2.5, "x", None, math.nan, 10**9])
+def test_a_number_of_groups_that_is_none_is_refused(snapshot, groups):
+    with pytest.raises(InputError) as refused:
+        diameter_edges(snapshot, groups)
+    assert refused.value.field == "groups"
+
+
+@pytest.mark.parametrize("edges", ["x", 5, [[1.0, 2.0]], [1.0, math.nan], [1.0]])
+def test_edges_that_are_none_are_refused(snapshot, edges):
+    with pytest.raises(InputError, match="must be ascending"):
+        groups_by_diameter(snapshot, edges)
+
+
+@pytest.mark.parametrize("change", [lambda g: g + 5, lambda g: g - 1, lambda g: g[1:], lambda g: 1.0 * g])
+def test_groups_that_do_not_fit_the_grains_are_refused(snapshot, change):
+    group = groups_by_diameter(snapshot, diameter_edges(snapshot, 5))
+    with pytest.raises(InputError) as refused:
+        group_stresses(snapshot, change(group), 5)
+    assert refused.value.field == "group"

@@ -41,3 +41,9 @@ def test_differences_are_few_and_short():
     assert said.startswith("number of steps is 1 in the file, 9 here; ") and said.endswith(" more differ")
     assert len(said) < 250
     assert differences(run, run | {"steps": [{"strain": [1.23456789] * 9}]}) == "strain of step 1 differs"
+
+
+def test_the_code_of_a_law_makes_another_run_unless_the_file_is_older():
+    run = {"path": "cv", "strain": 0.1}
+    assert differences(run, run | {"code_of_law": "a"}) == ""
+    assert differences(run | {"code_of_law": "b"}, run | {"code_of_law": "a"}).startswith("code_of_law is b")

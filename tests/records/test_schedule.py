@@ -94,10 +94,21 @@ def test_what_is_kept_in_memory_between_two_saves_is_bounded(grains, snapshots):
     assert schedule.stops_per_checkpoint <= 5_000
 
 
-@pytest.mark.parametrize("name, pressure", [("isoc", 1e5), ("isod", 3e6)])
-def test_a_path_that_stops_at_its_start_is_refused(name, pressure, state, tmp_path):
-    with pytest.raises(lk.InputError, match=f"is where path {name} stops, but the mean stress of the specimen is"):
-        lk.run(state, make_path(name, {"pressure": pressure}), file=tmp_path / "r.run.nc", progress=False)
+@pytest.mark.parametrize(
+    "name, field, stress, measured",
+    [
+        ("isoc", "pressure", 1e5, "the mean stress"),
+        ("isod", "pressure", 3e6, "the mean stress"),
+        ("oedometer_reloading", "stresses", "1 kPa", "sigma_zz"),
+        ("isotropic_reloading", "pressures", "1 kPa", "the mean stress"),
+    ],
+)
+def test_a_path_that_stops_at_its_start_is_refused(name, field, stress, measured, state, tmp_path):
+    with pytest.raises(
+        lk.InputError, match=f"is where path {name} stops, but {measured} of the specimen is"
+    ) as refused:
+        lk.run(state, make_path(name, {field: stress}), file=tmp_path / "r.run.nc", progress=False)
+    assert refused.value.field == field
     assert list(tmp_path.iterdir()) == []
 
 

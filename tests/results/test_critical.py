@@ -100,3 +100,19 @@ def test_the_command_averages_only_the_runs_that_reach_a_critical_state(files, m
     assert f"before {ENOUGH_STRAIN}" in refused.stderr and not (tmp_path / "none.png").exists()
     lower = labkit_command("critical", files["short"], "--min-strain", 0.03, "-o", tmp_path / "lower.png")
     assert lower.returncode == 0, lower.stderr
+
+
+@pytest.mark.parametrize(
+    "columns, reason",
+    [
+        ({}, "two tests or more, and the table has 0"),
+        ({"p_MPa": [1.0], "e": [0.7]}, "two tests or more, and the table has 1"),
+        ({"p_MPa": [1.0, 2.0]}, "has no column e"),
+        ({"p_MPa": [1.0, np.nan], "e": [0.7, 0.6]}, "a positive p"),
+        ({"p_MPa": [1.0, -2.0], "e": [0.7, 0.6]}, "a positive p"),
+        ({"p_MPa": [1.0, 1.1], "e": [0.7, 0.6]}, "differs by a factor"),
+    ],
+)
+def test_a_table_without_a_line_is_refused_for_its_own_reason(columns, reason):
+    with pytest.raises(InputError, match=reason):
+        labkit.critical_line(pandas.DataFrame(columns))

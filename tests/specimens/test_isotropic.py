@@ -8,15 +8,17 @@ import pytest
 
 import labkit as lk
 from labkit.engines.device import Device
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import Levelling
 from labkit.plugins.campaigns.jobs import Job
+from labkit.process.interruption import Signals
 from labkit.servo.plan import BASIS, TRIANGULAR
+from labkit.simulation.tasks import SpecimenTask
 from labkit.specimens import consolidation
-from labkit.specimens.consolidation import contact_stress, level_stress, path_to, stress_error
+from labkit.specimens.consolidation import Interim, contact_stress, level_stress, path_to, stress_error
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import STEP2, insert_grains, prepare_specimen, relax
 
@@ -114,6 +116,8 @@ def test_a_consolidation_does_as_the_specimen_was_made_unless_told_otherwise(kep
     assert not np.triu(stay.cell, 1).any() and ratio(stay) > 0.02
     np.testing.assert_allclose(np.diag(love_stress(stay.snapshot())), 300e3, rtol=1e-3)
     assert ratio(turned) < ISOTROPIC
+    task = SpecimenTask(recipe=Recipe.from_json(kept.recipe), material=kept.scene)
+    assert task.has_made(kept) and not task.has_made(stay) and not task.has_made(turned)
     with pytest.raises(InputError, match="cell 'loose' is unknown: give one of free, fixed"):
         lk.consolidate(kept, 300e3, progress=False, cell="loose")
     with pytest.raises(InputError, match="cell 'loose' is unknown: give one of free, fixed"):
@@ -125,6 +129,9 @@ def test_a_run_consolidates_as_the_specimen_was_made(kept, inserted):
     runs = [lk.run(state, path, progress=False, record_strain=1e-3) for state in (kept, inserted)]
     stays, turns = (run.snapshots[0].cell for run in runs)
     assert not np.triu(stays, 1).any() and is_upper_triangular(turns)
+    for made, run in zip((kept, inserted), runs, strict=True):
+        task = SpecimenTask(recipe=Recipe.from_json(made.recipe), material=made.scene, device=Device(made.engine))
+        assert task.has_made(made) and not task.has_made(run.state.at_rest())
     started = [lk.love_stress(run.snapshots[0]) for run in runs]
     assert largest_deviation(started[1], 200e3)[1] < 0.005 * 200e3 < largest_deviation(started[0], 200e3)[1]
 
@@ -178,6 +185,52 @@ def test_what_does_not_become_isotropic_says_what_to_do(kept, monkeypatch):
         level_stress(kept, 1e-4, Device("fused"))
     with pytest.raises(PhysicsError, match="closer to the current one, or cell = fixed"):
         lk.consolidate(kept, 1e6, progress=False, cell="free")
+
+
+def test_what_does_not_come_to_rest_is_not_said_to_miss_its_stress(kept, monkeypatch):
+    monkeypatch.setattr(consolidation, "REST_LIMIT", 5000)
+    with pytest.raises(PhysicsError, match="reached its stresses, but did not come to rest"):
+        level_stress(kept, 1e-30, Device("fused"))
+
+
+def test_an_unguarded_run_consolidates_beyond_the_stability_limit(kept):
+    fast = kept.replace(scene=kept.scene.replace(time_step_factor=0.42))
+    path = lk.paths.ConstantMeanStress(pressure=300e3, strain=5e-3, rate=100.0)
+    with pytest.raises(PhysicsError, match="exceeds the stability limit"):
+        lk.run(fast, path, progress=False)
+    assert lk.run(fast, path, progress=False, guarded=False, record_strain=1e-3).complete
+
+
+def own_law(share):
+    """Register a law whose spring is softer by a share."""
+
+    class Spring(lk.laws.LinearSpring):
+        @staticmethod
+        def force(stiffness, overlap):
+            return share * stiffness * overlap
+
+        @staticmethod
+        def energy(stiffness, overlap):
+            return 0.5 * share * stiffness * overlap * overlap
+
+    law = type("Own", (lk.ContactLaw,), {"name": "of_a_consolidation", "parts": Spring() + lk.laws.Coulomb()})
+    return lk.register_law(law)
+
+
+def test_an_interim_state_is_only_that_of_the_same_law_and_precision(kept, tmp_path):
+    def interim(share, precision="double"):
+        own_law(share)
+        scene = lk.Scene(law="of_a_consolidation")
+        state, path = kept.replace(scene=scene, columns={}), path_to(1e5, "free")
+        return Interim(tmp_path / "i", state, path, Device("fused", precision=precision)), state
+
+    stopped = Signals()
+    stopped.catch(15)
+    first, state = interim(0.5)
+    with pytest.raises(Interrupted):
+        first.keep(state, stopped)
+    assert interim(0.5)[0].resume() is not None
+    assert interim(0.6)[0].resume() is None and interim(0.5, "mixed")[0].resume() is None
 
 
 @pytest.mark.parametrize(

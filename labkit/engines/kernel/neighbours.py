@@ -33,7 +33,7 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
     if not grains * np.prod((2.0 * span + 1.0) / shape) <= MOST_NEAR:
         raise PhysicsError(
             f"each of {grains:,} grains has too many others within {reach:.3g} m, as far as a contact reaches: the "
-            "cell is too small, or the largest grain too large for the others"
+            "cell is too small, the largest grain too large for the others, or the cohesion too strong"
         )
     return shape.astype(np.int64), span.astype(np.int64)
 

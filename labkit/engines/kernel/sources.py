@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from labkit.engines.kernel.frozen import Function, all_functions, describe
+from labkit.engines.kernel.frozen import PLAIN, Function, all_functions, describe
 from labkit.engines.kernel.machine import hash_files
 from labkit.errors import InputError
-from labkit.extensions import file_of
+from labkit.extensions import file_of, is_labkits
 from labkit.grains.laws import vectors
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.law import ContactLaw
@@ -87,6 +89,23 @@ def explain_refusal(law: ContactLaw) -> Iterator[None]:
             f"contact law {law.name} cannot be compiled ({reason}): write its parts using only numbers and the "
             "functions of labkit.laws"
         ) from error
+
+
+def code_of_law(scene: Scene) -> str:
+    """Return a hash of the code and the values of the scene's contact law, without comments; empty for labkit's laws.
+
+    It is also empty if a value cannot be described, because the hash would differ in the next process.
+    """
+    law = scene.contact_law
+    if law.labkits:
+        return ""
+    frozen = describe(*functions_of(law.composition(scene)).values())
+    text = frozen.text.replace(type(law).__module__, "")
+    for kind in dict.fromkeys(kind for part in law.parts_by_kind.values() for kind in type(part).__mro__):
+        for method in filter(inspect.isfunction, [] if is_labkits(kind) else vars(kind).values()):
+            code, plain = method.__code__, [value for value in method.__code__.co_consts if type(value) in PLAIN]
+            text += f"{method.__name__} {code.co_code.hex()} {code.co_names} {plain}"
+    return hashlib.sha256(text.encode()).hexdigest() * frozen.complete
 
 
 def stamp_of(law: ContactLaw | None = None, composition: Composition | None = None) -> str | None:

@@ -13,7 +13,6 @@ from labkit.engines.sorting import sort_contacts
 from labkit.errors import InputError
 from labkit.grains.columns import overlaps
 from labkit.grains.laws.parts import columns_in
-from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
 
@@ -29,10 +28,10 @@ class Scale(NamedTuple):
     reach: float
 
     @classmethod
-    def of(cls, scene: Scene, radius: np.ndarray) -> Scale:
-        """Return the scale of grains with the radii (grain,), in m."""
-        reach = scene.contact_law.reach(scene, radius)
-        return cls(len(radius), 2.0 * radius.mean(), 2.0 * radius.max(), reach)
+    def of(cls, state: State) -> Scale:
+        """Return the scale of the grains of a State."""
+        radius = state.radius
+        return cls(len(radius), 2.0 * radius.mean(), 2.0 * radius.max(), state.scene.contact_law.reach(state))
 
 
 class Pairs(NamedTuple):

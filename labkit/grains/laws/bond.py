@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.grains.laws.contact import Contact, ContactStep, Share, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.tangential import STIFFNESS_RATIO
@@ -71,6 +72,10 @@ class ParallelBond(LawPart):
         )
 
     def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
+        if scene.bond_strength > scene.bond_modulus:
+            allowed = f"at most the bond modulus, {scene.bond_modulus:g} Pa"
+            problem = "Pa lets bonds stretch to more than twice their length"
+            raise InputError(problem, field="bond_strength", value=scene.bond_strength, allowed=allowed)
         return 1.01 * scene.bond_strength / scene.bond_modulus * 2.0 * radius
 
     @staticmethod

@@ -27,6 +27,7 @@ from labkit.parameters import Parameter, named
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
+    from labkit.grains.state import State
     from labkit.micro.snapshot import Contacts, Snapshot
 
 
@@ -142,11 +143,16 @@ class ContactLaw:
             return np.zeros_like(kt)
         return kt * on_arrays(self.rolling.stiffness)(self.rolling.numbers(scene), 1.0, radius_a, radius_b)
 
-    def reach(self, scene: Scene, radius: np.ndarray) -> float:
-        """Return the largest gap (m) across which grains of these radii (m) interact; 0 without cohesion or bonds."""
-        largest = radius.max()
+    def reach(self, state: State) -> float:
+        """Return the largest gap (m) across which the grains of a State interact; 0 without cohesion or bonds.
+
+        A bond that was created across a gap stretches like one between touching grains with the same distance.
+        """
+        lengths = state.columns.get("bond_length", np.zeros(len(state.contact_grain)))
+        gap = (lengths - state.radius.take(state.contact_grain).sum(axis=1)).max(initial=0.0)
+        scene, largest = state.scene, state.radius.max() + 0.5 * gap
         stiffness = float(self.normal_stiffness(scene, largest, largest))
-        return float(max(part.reach(scene, stiffness, largest) for part in self.parts_by_kind.values()))
+        return float(gap + max(part.reach(scene, stiffness, largest) for part in self.parts_by_kind.values()))
 
     @property
     def far(self) -> bool:

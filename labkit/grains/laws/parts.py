@@ -159,6 +159,8 @@ class LawParts(dict[str, LawPart]):
         """Store the parts by kind."""
         super().__init__()
         for part in parts:
+            if not isinstance(part, LawPart):
+                raise InputError(f"{part!r} is no part of a contact law: give parts such as LinearSpring() + Coulomb()")
             if part.kind in self:
                 raise InputError(f"a contact law has two {part.kind} parts: give one")
             for name, column in part.history.items():

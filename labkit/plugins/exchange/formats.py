@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from labkit.errors import InputError
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_subclass
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.plugins.exchange.packing import Answers, Packing
 from labkit.text.foreign import content_of, require_regular
@@ -112,6 +112,7 @@ FORMATS = Registry[type[Format]](
 
 def register_format(kind: type[Kind]) -> type[Kind]:
     """Register a subclass of Format under its `name`, and return the subclass; used as a decorator."""
+    require_subclass(kind, Format)
     return FORMATS.register(kind)
 
 

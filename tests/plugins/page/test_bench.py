@@ -13,6 +13,7 @@ from labkit.paths.registry import PATHS
 from labkit.plugins.page.bench import Bench
 from labkit.plugins.page.exercises import EXERCISES
 from labkit.plugins.page.form import MOST_SPHERES, Choices, offered
+from labkit.plugins.page.panels import PANELS
 from labkit.quantities.recorded import quantity
 
 SPECIMEN = {"recipe": {"grains": "100", "void_ratio": "0.62"}, "scene": {"law": "spring_dashpot"}}
@@ -155,6 +156,13 @@ def test_offers_what_labkits_tables_say():
     assert rows["friction"]["default"] == "0.4" and "spring_dashpot" in rows["law"]["choices"]
     paths = offered()["paths"]
     assert set(paths) == set(PATHS) - {"steps"} and all(path["title"] for path in paths.values())
+    assert not any("`" in path["title"] + path["summary"] for path in paths.values())
+
+
+def test_an_equation_looks_alike_in_all_panels():
+    curves = [(curve.legend, curve.look) for panel in PANELS for curve in panel.curves if curve.legend]
+    assert len({legend for legend, _ in curves}) == len({*curves})
+    assert all(len({curve.look for curve in panel.curves}) == len(panel.curves) for panel in PANELS)
 
 
 @pytest.mark.parametrize("exercise", EXERCISES, ids=lambda one: one.name)
