@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas
@@ -19,8 +20,6 @@ from analysis.model_benchmark.peers import FAILED, SOFT, STEP, STEPS
 from labkit.errors import InputError
 from labkit.micro import lode_angle, mean_stress, to_six
 from labkit.model import Adaptive, ConstitutiveLaw, Failure, Model, ModelState, Problem, RateLaw, strain_control
-from labkit.model.controls import GAIN
-from labkit.model.rates import PointControl
 
 GROUPS = {
     "cycles": ("small", "large", "loops"),
@@ -58,9 +57,10 @@ def vector_of(name: str, law: ConstitutiveLaw, test: Test, constants: Constants)
     return law.start(e, stress, fabric=tensor(deviatoric(test["A"][0])) / np.polyval(constants.A_c, e))
 
 
-def held_mean_stress(n: np.ndarray, p: float) -> PointControl:
-    """Deviatoric strain along n (6,), free volume, and a mean stress p in Pa."""
-    return PointControl(n, IDENTITY[:, None].copy(), IDENTITY[None] / 3.0, np.array([p]), GAIN)
+def held_mean_stress(n: np.ndarray, p: float) -> Any:
+    """The control of a deviatoric strain along n (6,), with free volume and a mean stress p in Pa."""
+    free, measure = IDENTITY[:, None].copy(), IDENTITY[None] / 3.0
+    return strain_control(tensor(n))._replace(free=free, measure=measure, target=np.array([p]))
 
 
 class TwoForms:
