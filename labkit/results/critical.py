@@ -149,7 +149,7 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
 
 def _specimen(name: str, run: xarray.Dataset) -> object:
     """Return what tests of the same specimen have in common; the name of a run whose file does not say it."""
-    return tuple(run.attrs[key] for key in ("scene", "recipe", "seed")) if run.attrs.get("recipe") else name
+    return tuple(map(run.attrs.get, ("scene", "recipe", "seed"))) if run.attrs.get("recipe") else name
 
 
 def _stationarity(strain: np.ndarray, quantities: Mapping[str, np.ndarray]) -> dict[str, object]:
