@@ -19,4 +19,4 @@ def test_critical_table_and_figure(run_file, labkit_command, tmp_path):
     ratio = run.lab.deviatoric_stress() / run.lab.mean_stress()
     expected = float(ratio[run["axial_strain"].values >= 0.75 * float(run["axial_strain"][-1])].mean())
     assert abs(table["M"][0] - expected) < 1e-12
-    assert (tmp_path / "c.csv").read_text().startswith("run,path,strain,M,M_scatter")
+    assert (tmp_path / "c.csv").read_text().startswith("run,path,specimen,strain,M,M_scatter")
