@@ -56,6 +56,8 @@ def mpi_library() -> Any:
         os.environ.setdefault("UCX_TLS", MEMORY["UCX_TLS"])
     mpi4py = require_library("mpi4py", "MPI ranks", "lammps")
     mpi4py.rc.finalize = False  # MPI would wait for ranks that were killed
+    if "mpi4py.MPI" not in sys.modules:  # MPICH waits for ever if a killed process of this number left its memory
+        Path(f"/dev/shm/mpich_shm_{os.getpid():x}_0").unlink(missing_ok=True)
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -176,6 +178,7 @@ class Ranks:
         try:
             self.tell(END)
             self.comm.Disconnect()
+            self._wait_for_end()  # MPI then removes the memory that the ranks share
             self._end()
         except PhysicsError:
             self.abandon()
@@ -193,11 +196,16 @@ class Ranks:
         assert self._process is not None and self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
-        try:
-            self._process.wait(ENDING)
-        except subprocess.TimeoutExpired:
+        if not self._wait_for_end():
             self._process.kill()
             self._process.wait()
+
+    def _wait_for_end(self) -> bool:
+        """Wait for the end of the launcher, at most ENDING; return whether it has ended."""
+        assert self._process is not None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(ENDING)
+        return self._process.poll() is not None
 
     def _watch(self) -> None:
         """End this process if the followers end while it waits for them inside another library."""

@@ -331,8 +331,12 @@ class Lab(OfRecords):
         return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
 
     def _snapshot_coordinates(self) -> dict[str, object]:
-        of_path = self.strain().values[self._run["record"].values]
-        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values), "strain": ("snapshot", of_path)}
+        axial, record = self._run["snapshot_strain"].values, self._run["record"].values
+        coordinates: dict[str, object] = {"axial_strain": ("snapshot", axial)}
+        fits = (record < self._run.sizes["time"]).all()
+        if fits and np.array_equal(self._run["axial_strain"].values[record], axial):  # if no records were selected
+            coordinates["strain"] = ("snapshot", self.strain().values[record])
+        return coordinates
 
 
 def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:

@@ -97,6 +97,13 @@ def test_no_process_is_left_and_the_run_is_resumed_on_other_ranks(victim, specim
     assert differences(one, file)[1] == []
 
 
+def test_mpi_starts_in_spite_of_what_a_killed_process_of_the_same_number_left(small_domains):
+    start = "from labkit.engines.followers import mpi_library; print(mpi_library().COMM_WORLD.size)"
+    words = ["sh", "-c", f"printf left > /dev/shm/mpich_shm_$(printf %x $$)_0; exec {sys.executable} -c '{start}'"]
+    done = subprocess.run(words, env=small_domains, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.stdout == "1\n", done.stderr
+
+
 BROKEN = """\
 import sys
 if "labkit.engines.followers" in sys.orig_argv:

@@ -72,7 +72,7 @@ def test_the_line_and_the_state_parameter_are_those_of_the_formula():
         assert line.state_parameter(0.7, 1e6) == pytest.approx(0.7 - table["e"].iloc[-1])
     assert line_of(table)[1].startswith("critical-state line: e_c = ")
     assert "not shown to be critical" in line_of(table.assign(critical="e drifts"))[1]
-    with pytest.raises(InputError, match="give tests at other pressures"):
+    with pytest.raises(InputError, match="needs two tests or more, and the table has 1"):
         lk.critical_line(table.iloc[:1])
 
 

@@ -96,6 +96,7 @@ ARGUMENTS = {  # of methods of the accessor that have no defaults
     **dict.fromkeys(("snapshot", "contacts", "contacts_table"), (-1,)),
     "component": ("contact_anisotropy",),
     "at_snapshots": ("void_ratio",),
+    "step": (1,),
     **dict.fromkeys(("quantity", "variable"), ("q/p",)),
     "over_snapshots": (lambda snapshot: {"n": float(len(snapshot.contacts))},),
     "part_of_q": None,  # takes tensors
