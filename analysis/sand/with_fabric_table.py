@@ -182,7 +182,7 @@ def draw(table: pandas.DataFrame, file: Path) -> None:
     panels[2].set_xscale("symlog", linthresh=100.0)
     panels[0].set_yticks(np.arange(len(names)), [f"{n} *" if n == TRAINED else n for n in names], fontsize=8)
     panels[0].invert_yaxis()
-    panels[0].legend(fontsize=8)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
     save(figure, file, [*FILES.values()], "python -m analysis.sand.with_fabric_table", dpi=80)
 
 
@@ -224,6 +224,9 @@ def main() -> None:
         "draws": len(draws),
         "misfit": quantiles.loc[("drained and compression", "misfit"), "50 %"],
         "enough": "predictions" in stored,
+        "cycles": stored["predictions"].query("feature.str.startswith('cycles')").iloc[0]
+        if "predictions" in stored
+        else None,
         # a | would divide the cells of a table
         **{name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True) for name, table in stored.items()},
     }
