@@ -196,7 +196,7 @@ def _options(
     ]
 
 
-def _text(value: Any, unit: str) -> str:
+def _text(value: object, unit: str) -> str:
     """Format a value as the text of an option, with all digits; a pressure and a large strain include their units."""
     if isinstance(value, tuple) and value and not isinstance(value[0], float | int):
         return json.dumps([dataclasses.asdict(part) for part in value])
