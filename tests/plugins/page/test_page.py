@@ -116,7 +116,7 @@ def test_hostile_inputs_are_refused_in_one_sentence(page, state, tmp_path):
 
 
 def test_pauses_goes_on_and_is_reopened_after_its_tab_was_closed(page, browser, address):
-    page.fill("[name=strain]", "0.1")
+    page.fill("[name=strain]", "0.5")  # it must not end before it is paused
     page.click("#go_on")
     page.wait_for_selector("#end:enabled")
     page.click("#pause")
