@@ -1,16 +1,13 @@
 """Undrained cycles to r_u = 0.95: grains, labkit's models and peers.
 
-    python -m analysis.hidden_state.cycles CYCLES.jsonl [--until 07:20]
-
-runs the grains' tests of analysis/plans/state_law.md that the file lacks, a line each.
+`./lab hidden-state FOLDER --steps cycles` runs the grains' tests of analysis/plans/state_law.md that cycles.jsonl
+lacks, a line each.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -125,20 +122,3 @@ def errors_of_cycles(table: pandas.DataFrame) -> pandas.DataFrame:
         within = t.ppf(0.975, n - 1) * values.std() / np.sqrt(n) if n > 1 else np.nan
         rows.append((density, law, n, values.mean(), within, np.exp(each["off"].mean()), *further.loc[(density, law)]))
     return pandas.DataFrame(rows, columns="density law specimens error within factor r_u strained".split())
-
-
-def main() -> None:
-    """Read the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("file", type=Path, help="file of the tests, a line each")
-    parser.add_argument("--until", help="time of the day, HH:MM, at which to stop")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", UserWarning)
-    for done in tests(options.file):
-        print(done, flush=True)
-        if options.until and time.strftime("%H:%M") >= options.until:
-            break
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,4 @@
-"""The specimens and tests of analysis/plans/hidden_state.md and hidden_fabric.md, and a command that runs them.
-
-    python -m analysis.hidden_state.loading FOLDER [--until 01:10]
+"""The specimens and tests of analysis/plans/hidden_state.md and hidden_fabric.md, which `./lab hidden-state` runs.
 
 Each test is written as one file; finished tests are not run again. The FIRST tests of all specimens come first, and
 within them the seeds in turn, so that what is finished is balanced over densities, training and held-out seeds.
@@ -8,11 +6,9 @@ within them the seeds in turn, so that what is finished is balanced over densiti
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -188,21 +184,3 @@ def work(folder: Path) -> Iterator[str]:
     for density, seed in sorted(writers, key=lambda key: key[1] not in HELD_OUT):
         writers[density, seed].of_state(first=False)
         yield f"others {density} s{seed}"
-
-
-def main() -> None:
-    """Read the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, help="folder of the files")
-    parser.add_argument("--until", help="time of the day, HH:MM, at which to stop between two parts")
-    options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
-    warnings.simplefilter("ignore", UserWarning)
-    for done in work(options.folder):
-        print(done, flush=True)
-        if options.until and time.strftime("%H:%M") >= options.until:
-            break
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pandas
@@ -41,16 +41,13 @@ class HiddenState(Study):
             warnings.simplefilter("ignore", UserWarning)  # a cell of 1,000 grains is small
             if "run" in options.steps:
                 options.folder.mkdir(parents=True, exist_ok=True)
-                for _ in work(options.folder):
-                    pass
+                _show(work(options.folder))
             if "gather" in options.steps:
                 gather(options.folder, folder / self.data, command)
             if "twins" in options.steps:
-                for _ in make_pairs(folder / self.data, folder / self.pairs):
-                    pass
+                _show(make_pairs(folder / self.data, folder / self.pairs))
             if "cycles" in options.steps:
-                for _ in cycles.tests(folder / self.cycles):
-                    pass
+                _show(cycles.tests(folder / self.cycles))
         return 0
 
     def read(self, file: Path) -> list[Test]:
@@ -148,6 +145,12 @@ def wide(table: pandas.DataFrame, value: str) -> pandas.DataFrame:
     held = table[table["part"] == "held out"]
     table = held.pivot_table(value, ["group", "density"], "form", sort=False).reset_index()
     return table.rename(columns={law.BOLD: "unclipped", law.CLIPPED: "clipped"})
+
+
+def _show(done: Iterable[str]) -> None:
+    """Print a line for each part that is done; what is done is not computed again after Ctrl-C."""
+    for line in done:
+        print(line, flush=True)
 
 
 STUDY = HiddenState()

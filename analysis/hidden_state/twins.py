@@ -1,19 +1,15 @@
 """Twins by state: two histories driven to equal e, Z, Lambda, A, F, F^t, probed in 12 directions and sheared on.
 
-    python -m analysis.hidden_state.twins RECORDS.nc PAIRS.jsonl [--until 07:20]
-
-The plan is analysis/plans/twins.md. Finished pairs are not made again. RECORDS.nc is the data set of the tests, from
-which the scales come.
+The plan is analysis/plans/twins.md. `./lab hidden-state FOLDER --steps twins` makes the pairs that pairs.jsonl lacks;
+the scales come from the data set of the tests.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
 import json
 import time
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -227,21 +223,3 @@ def _made(
     with file.open("a", encoding="utf-8") as stream:
         stream.write(json.dumps(labels | found) + "\n")
     yield f"{time.process_time():7.1f} s {name} {found.get('before')} {found.get('distance')}"
-
-
-def main() -> None:
-    """Read the command line and make the pairs."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("records", type=Path, help="data set of the tests")
-    parser.add_argument("pairs", type=Path, help="file of the pairs, a line each")
-    parser.add_argument("--until", help="time of the day, HH:MM, at which to stop")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", UserWarning)
-    for done in make_pairs(options.records, options.pairs):
-        print(done, flush=True)
-        if options.until and time.strftime("%H:%M") >= options.until:
-            break
-
-
-if __name__ == "__main__":
-    main()

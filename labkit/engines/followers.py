@@ -32,9 +32,10 @@ from labkit.engines.base import Engine
 from labkit.engines.server import ENDING, RESUME, SILENCE, last_line, printed, start_process, wait_for_program
 from labkit.errors import InputError, PhysicsError, ProgramError, fail
 from labkit.grains.state import State
+from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command, require_library
 from labkit.process.interruption import die_with_parent, ending_signals
-from labkit.process.system import number_of_cores, without_current_folder
+from labkit.process.system import number_of_cores
 from labkit.version import __version__
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`

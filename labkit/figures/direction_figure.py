@@ -16,8 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from labkit.figures.frame import WIDTH, Style, add_heading, new_figure, snapshot_to_draw, where
 from labkit.micro.bodies import long_axes
 from labkit.micro.contact_sides import vectors_of_contacts
+from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean
-from labkit.micro.planes import bin_means, hemisphere_bins, polar_bins
 from labkit.results.figures import register_figure
 
 POLAR_BINS = 12

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from labkit.micro.contact_sides import normalised_normal_force as normalised_normal_force
     from labkit.micro.contact_sides import vectors_of_contacts as vectors_of_contacts
     from labkit.micro.contact_sides import vectors_of_sides as vectors_of_sides
+    from labkit.micro.directions import bin_means as bin_means
+    from labkit.micro.directions import hemisphere_bins as hemisphere_bins
+    from labkit.micro.directions import polar_bins as polar_bins
     from labkit.micro.eccentricity import contact_eccentricity as contact_eccentricity
     from labkit.micro.eccentricity import eccentric_dyads as eccentric_dyads
     from labkit.micro.eccentricity import normal_force_eccentricity as normal_force_eccentricity
@@ -57,11 +60,8 @@ if TYPE_CHECKING:
     from labkit.micro.networks import network_stress as network_stress
     from labkit.micro.networks import strong_by_force as strong_by_force
     from labkit.micro.networks import strong_by_normalised_force as strong_by_normalised_force
-    from labkit.micro.planes import bin_means as bin_means
-    from labkit.micro.planes import hemisphere_bins as hemisphere_bins
     from labkit.micro.planes import plane_normal as plane_normal
     from labkit.micro.planes import plane_tractions as plane_tractions
-    from labkit.micro.planes import polar_bins as polar_bins
     from labkit.micro.size_groups import GroupStresses as GroupStresses
     from labkit.micro.size_groups import diameter_edges as diameter_edges
     from labkit.micro.size_groups import group_stresses as group_stresses

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
+    from labkit.process.children import without_current_folder as without_current_folder
     from labkit.process.extras import install_command as install_command
     from labkit.process.interruption import die_with_parent as die_with_parent
     from labkit.process.interruption import lock_of as lock_of
     from labkit.process.progress import reporter as reporter
-    from labkit.process.system import without_current_folder as without_current_folder
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

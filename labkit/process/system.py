@@ -1,13 +1,9 @@
-"""What only some systems have: locks of files, the cores of this process, and disk space allocated in advance.
-
-Also keeps a Python process that labkit starts from importing modules from the current folder.
-"""
+"""What only some systems have: locks of files, the cores of this process, and disk space allocated in advance."""
 
 from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Mapping
 
 try:
     import fcntl
@@ -43,13 +39,3 @@ def open_flags(*names: str) -> int:
 def user_number() -> int:
     """Return the number of this user; 0 where users have no numbers."""
     return os.geteuid() if hasattr(os, "geteuid") else 0
-
-
-def without_current_folder(environment: Mapping[str, str], *first: str) -> dict[str, str]:
-    """Return the environment of a child process, with the folders `first` in front of the entries of PYTHONPATH.
-
-    An empty entry, which stands for the current folder, is dropped; relative entries become absolute paths.
-    """
-    places = filter(None, [*first, *environment.get("PYTHONPATH", "").split(os.pathsep)])
-    safe = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(map(os.path.abspath, places))}
-    return {**environment, **safe}

@@ -15,7 +15,7 @@ from labkit.engines.kernel.machine import address_of, compiled_folder
 from labkit.engines.kernel.translate import load_numba
 from labkit.files import caches
 from labkit.files.caches import cache_folder, private_folder
-from labkit.process.system import without_current_folder
+from labkit.process.children import without_current_folder
 
 
 def mode(path):

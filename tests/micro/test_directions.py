@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import lebedev_rule
 from scipy.special import eval_legendre
 
+from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
 from labkit.micro.fabric import (
     DirectionalFit,
     directional_fit,
@@ -15,7 +16,6 @@ from labkit.micro.fabric import (
     tangential_mean,
     traceless,
 )
-from labkit.micro.planes import bin_means, hemisphere_bins, polar_bins
 from tests.contact_sets import contact_sets
 
 n_, w_ = lebedev_rule(17)

@@ -19,9 +19,9 @@ from labkit.files.atomic import name_file_in_errors, open_log
 from labkit.plugins.campaigns import layout
 from labkit.plugins.campaigns.file import Campaign, copy_campaign, to_write
 from labkit.plugins.campaigns.plan import require_campaign_folder, write_plan
+from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command
 from labkit.process.interruption import die_with_parent, is_being_written, only_writer
-from labkit.process.system import without_current_folder
 
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
