@@ -41,7 +41,7 @@ def state_figure(tables: StoredTables) -> Figure:
     ticks = [LABELS.get(name, "D, " + name.replace(" %", "")) for name in names]
     left.set_xticks(range(len(names)), ticks, rotation=60, fontsize=7)
     left.set(ylabel="difference of rates, other history / same", ylim=(0.0, None))
-    left.legend(fontsize=6)
+    left.legend(fontsize=6, loc="lower right")
     order = list(tables["ranking"]["candidate"][1:][::-1])
     for k, name in enumerate(("twin_ranking", "ranking")):
         if few and k == 0:
@@ -124,7 +124,7 @@ def contest_figure(tables: StoredTables) -> Figure:
     grid = figure.subplot_mosaic("AA;BB;CL")
     table = summary(tables["contest"]).query("part == 'held out' and densities == 'dense, medium'")
     laws, groups = list(dict.fromkeys(table["law"])), list(dict.fromkeys(table["group"]))
-    colors = [f"C{k % 10}" for k in range(len(laws))]
+    colors = [*(f"C{k}" for k in range(10)), "navy"][: len(laws)]
     for axes, value, label in ((grid["A"], "stress", "error of s/p (%)"), (grid["B"], "volume", "error of volume (%)")):
         for k, (law, color) in enumerate(zip(laws, colors, strict=True)):
             own = table[table["law"] == law].set_index("group").reindex(groups)
@@ -134,16 +134,18 @@ def contest_figure(tables: StoredTables) -> Figure:
         axes.set_xticks(range(len(groups)), groups)
         axes.set(ylabel=label, ylim=(0.0, None))
     grid["B"].set(yscale="log", ylim=(1.0, 1e3))
-    grid["L"].legend(*grid["A"].get_legend_handles_labels(), fontsize=7, ncols=2, loc="center")
-    grid["L"].axis("off")
     own, axes = tables["cycles"].query("density == 'loose'"), grid["C"]
     for law, color in zip((GRAINS, *laws), ("k", *colors), strict=True):
         of_law = own[own["law"] == law]
         median = of_law.groupby("CSR")["N"].median()
         if law == GRAINS:
-            axes.plot(of_law["N"], of_law["CSR"], ".", color="0.5", ms=4)
-        axes.plot(median.values, median.index, "-", color=color, lw=2.0 if law == GRAINS else 0.8)
+            axes.plot(of_law["N"], of_law["CSR"], ".", color="0.5", ms=4, label="a specimen of grains")
+        line = {"lw": 2.0, "label": "grains, median"} if law == GRAINS else {"lw": 0.8}
+        axes.plot(median.values, median.index, "-", color=color, **line)
     axes.set(xscale="log", xlabel="N to $r_u$ = 0.95, loose (30: not reached)", ylabel="CSR")
     axes.set_xticks([1, 2, 5, 10, 20, 30], ["1", "2", "5", "10", "20", "30"], minor=False)
     axes.minorticks_off()
+    handles = [handle for panel in "AC" for handle in grid[panel].get_legend_handles_labels()[0]]
+    grid["L"].legend(handles=handles, fontsize=7, ncols=2, loc="center")
+    grid["L"].axis("off")
     return figure
