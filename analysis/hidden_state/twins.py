@@ -10,7 +10,7 @@ import dataclasses
 import functools
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,15 @@ from analysis.hidden_state.table import RATES, deviatoric, read, states_of
 from labkit.errors import InputError, PhysicsError
 from labkit.micro import to_six
 
-SEEDS = range(21, 27)
+FIRST = tuple(range(21, 27))  # packings that are all paired with each other
+FURTHER = {(k, k + 1): ("dense", "medium") for k in (27, 29, 31, 33)}  # two by two, and their densities
+BLOCKS = FURTHER | {FIRST: tuple(DENSITIES)}  # in the order in which their pairs are made
 GRAINS = 2000
 RECENT = 0.02  # accumulated strain since the last reversal up to which an instant is `reversed`
 MONOTONIC, REVERSED = "monotonic", "reversed"
 NEARER = 1.0 / 3.0  # share of the candidate pairs that is used
-MOST, MOST_PACKINGS, MOST_TESTS = 20, 3, 5  # pairs of a sort and density; of two packings; of two tests
+MOST, MOST_PACKINGS, MOST_TESTS = 20, 3, 5  # pairs of a sort and density; of two packings of FIRST; of two tests
+MOST_FURTHER = 2  # pairs of a sort of two further packings
 WINDOW, INCREMENTS = 0.009, 3  # strain of a history that is driven anew, and the increments of it
 
 
@@ -121,12 +124,13 @@ def sort_of(first: Instant, second: Instant) -> str | None:
     return SAME if alike else None
 
 
-def chosen_pairs(density: str, scale: Scale) -> dict[str, list[tuple[Instant, Instant]]]:
-    """The pairs of a density in the order in which they are driven, by sort."""
+def chosen_pairs(density: str, seeds: Sequence[int], scale: Scale) -> dict[str, list[tuple[Instant, Instant]]]:
+    """The pairs of a density and of some packings in the order in which they are driven, by sort."""
     generator = np.random.default_rng(1)
     found: dict[str, list[tuple[float, Instant, Instant]]] = {OTHER: [], SAME: []}
-    for seed in SEEDS:
-        for other in SEEDS:
+    most = MOST_PACKINGS if seeds == FIRST else MOST_FURTHER
+    for seed in seeds:
+        for other in seeds:
             if seed == other:
                 continue
             seconds = instants(density, other)
@@ -149,7 +153,7 @@ def chosen_pairs(density: str, scale: Scale) -> dict[str, list[tuple[Instant, In
         for k in order:
             _, first, second = nearer[k]
             keys = frozenset((first.seed, second.seed)), frozenset((first.test, second.test))
-            if packings.get(keys[0], 0) < MOST_PACKINGS and tests.get(keys[1], 0) < 2 * MOST_TESTS:
+            if packings.get(keys[0], 0) < most and tests.get(keys[1], 0) < 2 * MOST_TESTS:
                 packings[keys[0]], tests[keys[1]] = packings.get(keys[0], 0) + 1, tests.get(keys[1], 0) + 1
                 chosen[sort].append((first, second))
     return chosen
@@ -187,18 +191,19 @@ def make_pairs(records: Path, file: Path) -> Iterator[str]:
     twins = pandas.Series([(line["density"], line["sort"]) for line in lines if line.get("distance", 1.0) < ENOUGH])
     count = twins.value_counts().to_dict()
     scales = {density: Scale(own) for density, own in rows.groupby("density")}
-    queues = {}
-    for density in DENSITIES:
-        for sort, pairs in chosen_pairs(density, scales[density]).items():
-            queues[density, sort] = iter(pairs)
-        yield f"{time.process_time():7.1f} s histories {density}"
-    while queues:
-        for key in list(queues):
-            pair = next(queues[key], None)
-            if pair is None or count.get(key, 0) >= MOST:
-                del queues[key]
-                continue
-            yield from _made(key, pair, scales[key[0]], done, file, count)
+    for seeds, densities in BLOCKS.items():
+        queues = {}
+        for density in densities:
+            for sort, pairs in chosen_pairs(density, seeds, scales[density]).items():
+                queues[density, sort] = iter(pairs)
+            yield f"{time.process_time():7.1f} s histories {density} {seeds}"
+        while queues:
+            for key in list(queues):
+                pair = next(queues[key], None)
+                if pair is None or count.get(key, 0) >= MOST:
+                    del queues[key]
+                    continue
+                yield from _made(key, pair, scales[key[0]], done, file, count)
 
 
 def _made(
