@@ -11,13 +11,13 @@ import numpy as np
 import pandas
 
 from analysis.hidden_state.driving import ENOUGH, directions
-from analysis.hidden_state.nearest import DRAWS, OTHER, SAME, SEED, left_out
+from analysis.hidden_state.nearest import OTHER, SAME, explained, packings_of, pair_counts, ratio_of
 from analysis.hidden_state.table import CANDIDATES, RATES, STATE
 
 ENOUGH_PAIRS = 5  # twins of a sort and density, below which near pairs are compared; without as many pairs, no verdict
 TOO_FEW = "too few pairs"
 NEAR = 2.0 * ENOUGH
-ALL = "all"
+ALL, EQUAL_SHARES = "all", "equal shares"
 WINDOWS = ("0 to 0.5 %", "0.5 to 1 %", "1 to 2 %")
 WIDTHS = np.array([0.005, 0.005, 0.01])  # axial strain of each
 Pair = dict[str, Any]
@@ -62,34 +62,44 @@ def reached(pairs: Sequence[Pair]) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def ratio_of(squares: dict[str, np.ndarray], looks: int) -> tuple[float, float, float, float, float, str]:
-    """(root mean square of OTHER and of SAME, their ratio, its interval, verdict) by bootstrap over pairs."""
-    generator = np.random.default_rng(SEED)
-    sizes = [float(np.sqrt(squares[sort].mean())) for sort in (OTHER, SAME)]
-    other, same = (generator.choice(squares[sort], (DRAWS, squares[sort].size)).mean(axis=1) for sort in (OTHER, SAME))
-    low, high = np.quantile(np.sqrt(other / same), [0.025 / looks, 1.0 - 0.025 / looks])
-    verdict = "remembered" if low > 1.0 else "a state" if high < 1.25 else "not decided"
-    verdict = TOO_FEW if min(map(len, squares.values())) < ENOUGH_PAIRS else verdict
-    return sizes[0], sizes[1], sizes[0] / sizes[1], float(low), float(high), verdict
+def frame_of(pairs: Sequence[Pair]) -> pandas.DataFrame:
+    """The sorts, densities and packings (first, second) of pairs."""
+    rows = [
+        (pair["sort"], pair["density"], *(f"{pair['density']}-s{seed}" for seed in pair["seeds"])) for pair in pairs
+    ]
+    return pandas.DataFrame(rows, columns="sort density first second".split())
 
 
 def compared_rates(pairs: Sequence[Pair]) -> pandas.DataFrame:
-    """Differences of the rates between members, a row per rate and density, and D while shearing on (`window`)."""
-    used, rows = compared_pairs(pairs), []
-    densities = list(dict.fromkeys(pair["density"] for pair in used))
+    """Differences of the rates between members, a row per rate and density, and D while shearing on (`window`).
+
+    With EQUAL_SHARES, each density has the same share in SAME as in OTHER; densities with too few pairs are left out.
+    Intervals are by bootstrap over packings.
+    """
+    used = compared_pairs(pairs)
+    frame = frame_of(used)
+    densities = frame["density"].unique()
+    counts = pair_counts(frame)
     looks = [(name, ALL, 1 if name == "D" else len(RATES) - 1) for name in RATES]
-    looks += [("D", density, len(densities)) for density in densities]
+    looks += [("D", EQUAL_SHARES, 1)] + [("D", density, len(densities)) for density in densities]
     looks += [(window, ALL, len(WINDOWS)) for window in WINDOWS]
+    other, rows = (frame["sort"] == OTHER).to_numpy(), []
+    number = frame.groupby(["density", "sort"]).size().unstack(fill_value=0).reindex(columns=[OTHER, SAME])
     for name, density, count in looks:
-        own = [pair for pair in used if density in (ALL, pair["density"])]
-        squares = {
-            sort: np.array([square_of(pair, name) for pair in own if pair["sort"] == sort]) for sort in (OTHER, SAME)
-        }
-        if min(map(len, squares.values())) >= 2:
-            found = ratio_of(squares, count)
-            rows.append((name, density, len(squares[OTHER]), len(squares[SAME]), *found, count))
-    columns = "rate density other_pairs same_pairs other same ratio low high verdict looks".split()
-    return pandas.DataFrame(rows, columns=columns)
+        weights = counts * ((frame["density"] == density) | (density in (ALL, EQUAL_SHARES))).to_numpy()
+        if density == EQUAL_SHARES:
+            for one, pairs_of in number.iterrows():
+                for of in ((frame["density"] == one).to_numpy() & sort for sort in (other, ~other)):
+                    share = pairs_of[OTHER] if pairs_of.min() >= ENOUGH_PAIRS else 0.0
+                    weights[:, of] *= share / np.maximum(weights[:, of].sum(axis=1, keepdims=True), 1e-9)
+        own = [frame[(weights[0] > 0.0) & of] for of in (other, ~other)]
+        if min(map(len, own)) >= 2:
+            found = ratio_of(weights, np.array([square_of(pair, name) for pair in used]), other, count)
+            verdict = TOO_FEW if min(map(len, own)) < ENOUGH_PAIRS else found[-1]
+            numbers = [number for of in own for number in (len(of), len(packings_of(of)))]
+            rows.append((name, density, *numbers, *found[:-1], verdict, count))
+    columns = "rate density other_pairs other_packings same_pairs same_packings other same ratio low high verdict looks"
+    return pandas.DataFrame(rows, columns=columns.split())
 
 
 def square_of(pair: Pair, name: str) -> float:
@@ -102,7 +112,7 @@ def square_of(pair: Pair, name: str) -> float:
 
 
 def ranked(pairs: Sequence[Pair]) -> pandas.DataFrame:
-    """Share of the variance of the difference of D that each candidate explains in `other` pairs left out.
+    """Share of the variance of the difference of D that each candidate explains in `other` pairs of packings left out.
 
     Columns: candidate, share, low, high, slope, memory; the first row is the state itself.
     """
@@ -117,23 +127,6 @@ def ranked(pairs: Sequence[Pair]) -> pandas.DataFrame:
         size = pandas.Series(np.concatenate(off)).groupby(np.tile(density, 2)).std()
         return (off[0] - off[1]) / pandas.Series(density).map(size).to_numpy()
 
-    groups = [group == k for k in range(len(used))]
-    base = np.column_stack([scalar(name) for name in STATE])
-    generator = np.random.default_rng(SEED)
-    draws = generator.multinomial(len(used), np.full(len(used), 1.0 / len(used)), DRAWS)
-    counts = np.concatenate([np.ones((1, len(used))), draws])[:, group]
-    before, _ = left_out(base, y, groups)
-    found = [("the state itself", np.nan, counts @ (y**2 - before))]
-    for name in CANDIDATES:
-        columns = np.column_stack([base, scalar(name)])
-        after, _ = left_out(columns, y, groups)
-        slope = np.linalg.lstsq(columns, y, rcond=None)[0][-1]
-        found.append((name, slope, counts @ (before - after)))
-    rows = []
-    for name, slope, gain in found:
-        share = gain / (counts @ y**2)
-        low, high = np.quantile(share[1:], [0.025 / len(CANDIDATES), 1.0 - 0.025 / len(CANDIDATES)])
-        memory = TOO_FEW if len(used) < ENOUGH_PAIRS else "yes" if low > 0.0 else "no"
-        rows.append((name, share[0], low, high, slope, memory))
-    table = pandas.DataFrame(rows, columns="candidate share low high slope memory".split())
-    return pandas.concat([table[:1], table[1:].sort_values("share", ascending=False)], ignore_index=True)
+    packings = frame_of(used).loc[group].reset_index(drop=True)
+    table = explained({name: scalar(name) for name in (*STATE, *CANDIDATES)}, y, packings)
+    return table if len(used) >= ENOUGH_PAIRS else table.assign(memory=TOO_FEW)

@@ -91,9 +91,28 @@ def interval(values: np.ndarray, looks: int) -> tuple[float, float]:
 
 def pair_counts(pairs: pandas.DataFrame) -> np.ndarray:
     """Weights (DRAWS + 1, pairs) of the pairs in the bootstrap over packings."""
-    packings = sorted({*pairs["first"], *pairs["second"]})
+    packings = packings_of(pairs)
     counts, place = draws_of(packings), pandas.Series(np.arange(len(packings)), packings)
     return counts[:, place[pairs["first"]]] * counts[:, place[pairs["second"]]]
+
+
+def ratio_of(
+    counts: np.ndarray, square: np.ndarray, other: np.ndarray, looks: int
+) -> tuple[float, float, float, float, float, str]:
+    """(root mean square of the pairs `other`, that of the rest, their ratio, its interval, verdict).
+
+    Args:
+        counts: Weights of the pairs, (DRAWS + 1, pairs), the first row without bootstrap.
+        square: Squared differences, (pairs,).
+        other: Whether a pair is of OTHER, (pairs,).
+        looks: Number of looks for which the interval is corrected.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sizes = [np.sqrt(counts[:, of] @ square[of] / counts[:, of].sum(axis=1)) for of in (other, ~other)]
+        ratio = sizes[0] / sizes[1]
+    low, high = interval(ratio[1:], looks)
+    verdict = "remembered" if low > 1.0 else "a state" if high < 1.25 else "not decided"
+    return float(sizes[0][0]), float(sizes[1][0]), float(ratio[0]), low, high, verdict
 
 
 def compared(made: pandas.DataFrame, densities: str = "all") -> pandas.DataFrame:
@@ -102,14 +121,8 @@ def compared(made: pandas.DataFrame, densities: str = "all") -> pandas.DataFrame
     other = (made["sort"] == OTHER).to_numpy()
     rows = []
     for name in RATES:
-        square = made[name].to_numpy() ** 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            sizes = [np.sqrt(counts[:, of] @ square[of] / counts[:, of].sum(axis=1)) for of in (other, ~other)]
-            ratio = sizes[0] / sizes[1]
-        low, high = interval(ratio[1:], len(RATES))
-        verdict = "remembered" if low > 1.0 else "a state" if high < 1.25 else "not decided"
-        row = (densities, name, other.sum(), (~other).sum(), sizes[0][0], sizes[1][0], ratio[0], low, high, verdict)
-        rows.append(row)
+        found = ratio_of(counts, made[name].to_numpy() ** 2, other, len(RATES))
+        rows.append((densities, name, other.sum(), (~other).sum(), *found))
     columns = "density rate other_pairs same_pairs other same ratio low high verdict".split()
     return pandas.DataFrame(rows, columns=columns)
 
@@ -135,29 +148,35 @@ def ranking(rows: pandas.DataFrame, made: pandas.DataFrame) -> pandas.DataFrame:
         for name in x:
             values = along_direction(own, name)
             x[name][here] = (values[a] - values[b]) / values.std()
+    return explained(x, y, chosen)
+
+
+def explained(x: dict[str, np.ndarray], y: np.ndarray, pairs: pandas.DataFrame) -> pandas.DataFrame:
+    """The shares of `ranking`, from differences y of D and x of STATE and CANDIDATES, and the packings of the pairs."""
     base = np.column_stack([x[name] for name in STATE])
-    groups = [(chosen[["first", "second"]] == packing).any(axis=1).to_numpy() for packing in _packings(chosen)]
-    counts = pair_counts(chosen)
+    groups = [(pairs[["first", "second"]] == packing).any(axis=1).to_numpy() for packing in packings_of(pairs)]
+    counts = pair_counts(pairs)
     before, _ = left_out(base, y, groups)
     total = counts @ y**2
-    found = [("the state itself", base, counts @ (y**2 - before))]
+    found = [("the state itself", np.nan, counts @ (y**2 - before))]
     for name in CANDIDATES:
         with_one = np.column_stack([base, x[name]])
         after, _ = left_out(with_one, y, groups)
-        found.append((name, with_one, counts @ (before - after)))
+        slope = np.linalg.lstsq(with_one, y, rcond=None)[0][-1]
+        found.append((name, slope, counts @ (before - after)))
     result = []
-    for name, columns, gain in found:
+    for name, slope, gain in found:
         with np.errstate(invalid="ignore", divide="ignore"):
             share = gain / total
         low, high = interval(share[1:], len(CANDIDATES))
-        slope = np.linalg.lstsq(columns, y, rcond=None)[0][-1] if name in x else np.nan
         result.append((name, share[0], low, high, slope))
     table = pandas.DataFrame(result, columns=["candidate", "share", "low", "high", "slope"])
     table["memory"] = np.where(table["low"] > 0.0, "yes", "no")
     return pandas.concat([table[:1], table[1:].sort_values("share", ascending=False)], ignore_index=True)
 
 
-def _packings(pairs: pandas.DataFrame) -> list[str]:
+def packings_of(pairs: pandas.DataFrame) -> list[str]:
+    """The packings of pairs."""
     return sorted({*pairs["first"], *pairs["second"]})
 
 

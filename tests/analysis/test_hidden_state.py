@@ -149,6 +149,7 @@ def synthetic_pairs(memory, seed=0):
             off = {name: np.abs(D[0] - D[1]).tolist() for name in RATES}
             pairs.append({"name": f"{sort} {k}", "density": "dense", "sort": sort, "before": 0.2, "distance": 0.05})
             pairs[-1] |= {"off": off, "D": D.tolist(), "on": generator.normal(size=(2, 2, 4)).tolist()}
+            pairs[-1]["seeds"] = [1 + k % 8, 1 + (k + 1 + k // 8) % 8]
             pairs[-1]["state"] = {name: values.tolist() for name, values in state.items()}
     return pairs
 
@@ -160,6 +161,36 @@ def test_twins_tell_whether_something_is_remembered(memory):
     assert (rates.loc[("D", "all"), "verdict"] == "remembered") == (memory > 0.0)
     best = equal.ranked(pairs).iloc[1]
     assert (best["candidate"] == "sliding" and best["memory"] == "yes") == (memory > 0.0)
+
+
+def test_pairs_of_the_same_packing_are_not_independent():
+    """The same differences, of which four are large: the interval is wider if these four share a packing."""
+    found = []
+    for seeds in ([(1, 2), (1, 3), (1, 4), (1, 5)], [(1, 2), (3, 4), (5, 6), (7, 8)]):
+        pairs = synthetic_pairs(0.0)
+        for pair, own in zip(pairs, seeds, strict=False):
+            pair["seeds"], pair["off"]["D"] = list(own), [4.0 * value for value in pair["off"]["D"]]
+        for k, pair in enumerate(pairs[4:16]):
+            pair["seeds"] = [2 + k % 7, 2 + (k + 1) % 7]
+        found.append(equal.compared_rates(pairs).set_index(["rate", "density"]).loc[("D", "all")])
+    assert found[0]["ratio"] == pytest.approx(found[1]["ratio"])
+    assert found[0]["high"] / found[0]["low"] > 1.1 * found[1]["high"] / found[1]["low"]
+    assert found[0]["other_packings"] == 8
+
+
+def test_equal_shares_do_not_take_the_difference_of_densities_for_one_of_histories():
+    """Loose pairs, whose D differs tenfold, are half of `same` and a quarter of `other`."""
+    dense, loose = synthetic_pairs(0.0, seed=1), synthetic_pairs(0.0, seed=2)
+    for pair in loose:
+        pair |= {
+            "density": "loose",
+            "off": {name: (10.0 * np.array(off)).tolist() for name, off in pair["off"].items()},
+        }
+    rates = equal.compared_rates(dense + loose[:5] + loose[16:]).set_index(["rate", "density"])
+    assert rates.loc[("D", "all"), "ratio"] < 0.85
+    assert rates.loc[("D", equal.EQUAL_SHARES), "ratio"] == pytest.approx(1.0, abs=0.12)
+    alone = equal.compared_rates(dense + loose[:4] + loose[16:]).set_index(["rate", "density"])
+    assert alone.loc[("D", equal.EQUAL_SHARES), "ratio"] == pytest.approx(alone.loc[("D", "dense"), "ratio"])
 
 
 def test_pairs_that_are_not_near_are_left_out_and_near_ones_stand_in_for_too_few_twins():
