@@ -14,7 +14,7 @@ import pandas
 from scipy.optimize import least_squares
 from scipy.stats import t
 
-from analysis.hidden_state.law import LEAST_VOLUME, Constants, stiff
+from analysis.hidden_state.law import LEAST_VOLUME, Constants
 from analysis.hidden_state.table import TRAINING, Test, deviatoric, intervals, tensor
 from analysis.model_benchmark.peers import FAILED, SOFT, STEP, STEPS
 from labkit.errors import InputError
@@ -30,8 +30,6 @@ GROUPS = {
 MEMORY = {"hypoplasticity": ("R", "m_R", "m_T", "beta_r", "chi"), "sanisand": ("z_max", "c_z")}
 REVERSALS = ("small", "large")  # tests of the training seeds to which MEMORY is fitted
 FORMS, WITH_FABRIC = "two forms", "acst, fabric"
-SUBSTEP = 1.5e-4  # largest strain of a step of TwoForms
-LEAST = 1e-3  # least Lambda, as a share of the first
 SHEARED = 0.1  # q/p from which Lode angles are compared
 TOGETHER = {"dense": "dense, medium", "medium": "dense, medium", "loose": "loose"}
 VALUES = ("D", "stress", "volume", "Lode", "A", "F")
@@ -63,68 +61,16 @@ def held_mean_stress(n: np.ndarray, p: float) -> Any:
     return strain_control(tensor(n))._replace(free=free, measure=measure, target=np.array([p]))
 
 
-class TwoForms:
-    """labkit's model with K(Z) and an elastic range in C3, and A:n/|A^c| in C4."""
-
-    def __init__(self, model: Model, constants: Constants) -> None:
-        """`constants` of the two forms; the rest is the model's."""
-        self.model, self.constants = model, constants
-        self.rate_of_F = stiff(constants, clipped_range=True)
-        self.problem = Problem(model, strain_control(np.zeros((3, 3))))
-
-    def rates(self, y: np.ndarray, n: np.ndarray, volumetric: float) -> np.ndarray:
-        """dy per deviatoric strain along n (6,), with a volumetric strain of `volumetric` beside it."""
-        e, Z, Lam = (float(value) for value in y[:3])
-        self.problem.control = strain_control(tensor(n))
-        rates = self.problem.rates(y)
-        rates[2] *= y[3:9] @ n / np.polyval(self.constants.A_c, e)
-        rates[9:15] = self.rate_of_F(y[9:15], n, Z, e, Lam)
-        if volumetric:
-            self.problem.control = strain_control(np.sign(volumetric) * np.eye(3) / 3.0)
-            rates += abs(volumetric) * self.problem.rates(y)
-        return rates
-
-    def advance(self, y: np.ndarray, n: np.ndarray, size: float, p: float | None = None) -> np.ndarray:
-        """y after a deviatoric strain; without `p` the volume is constant, with it the mean stress is held."""
-        for _ in range(parts := max(1, int(np.ceil(size / SUBSTEP)))):
-            h, volumetric = size / parts, 0.0
-            if p is not None:
-                volumetric = self._volumetric(y, n, h, p, self._volumetric(y, n, h, p, volumetric))
-            y = y + h * self.rates(y, n, volumetric)
-            y[1:3] = np.maximum(y[1:3], (0.1, LEAST * self.first))
-        return y
-
-    def begin(self, y: np.ndarray) -> None:
-        """Take y as the start, which bounds Lambda."""
-        self.first = y[2]
-
-    def _volumetric(self, y: np.ndarray, n: np.ndarray, h: float, p: float, guess: float) -> float:
-        """The volumetric strain per deviatoric strain that leads to p, by a secant about a guess."""
-        sign = 1.0 if guess >= 0.0 else -1.0
-        near, far = (self._p(y + h * self.rates(y, n, guess + step)) for step in (0.0, 0.1 * sign))
-        slope = (far - near) / (0.1 * sign)
-        return float(np.clip(guess + (p - near) / slope, -3.0, 3.0)) if slope > 0.0 else guess
-
-    def _p(self, y: np.ndarray) -> float:
-        return float(mean_stress(self.model.stress(y)))
-
-
-def followed(law: ConstitutiveLaw | TwoForms, y: np.ndarray, test: Test) -> np.ndarray:
+def followed(law: ConstitutiveLaw, y: np.ndarray, test: Test) -> np.ndarray:
     """States (m, n) of a law at the records of a test at held p; m is smaller if the law fails."""
     p, states, integrator = float(test["stress"][0, :3].mean()), [y], Adaptive()
-    if isinstance(law, TwoForms):
-        law.begin(y)
-    else:
-        problem = Problem(law, held_mean_stress(np.zeros(6), p), law.floor(y))
+    problem = Problem(law, held_mean_stress(np.zeros(6), p), law.floor(y))
     for step in deviatoric(np.diff(test["strain"], axis=0)):
         size = float(np.linalg.norm(step))
         if size > 0.0:
+            problem.control = held_mean_stress(step / size, p)
             try:
-                if isinstance(law, TwoForms):
-                    y = law.advance(y, step / size, size, p)
-                else:
-                    problem.control = held_mean_stress(step / size, p)
-                    y = integrator.advance(problem, y, size)
+                y = integrator.advance(problem, y, size)
             except Failure:
                 break
             if not np.isfinite(y).all():
@@ -133,20 +79,17 @@ def followed(law: ConstitutiveLaw | TwoForms, y: np.ndarray, test: Test) -> np.n
     return np.array(states)
 
 
-def errors_of(law: ConstitutiveLaw | TwoForms, y: np.ndarray, test: Test) -> dict[str, float]:
+def errors_of(law: ConstitutiveLaw, y: np.ndarray, test: Test) -> dict[str, float]:
     """VALUES of a law in a test, and `reached`, the share of the records that it reaches (no errors below 0.1)."""
     states = followed(law, y, test)
-    model, m = law.model if isinstance(law, TwoForms) else law, len(states)
+    m = len(states)
     row = {"reached": m / len(test)}
     if row["reached"] < 0.1:
         return row
-    stress, grains = np.array([model.stress(state) for state in states]), tensors(test["stress"])
+    stress, grains = np.array([law.stress(state) for state in states]), tensors(test["stress"])
     ratio, truth = (deviator_ratio(sigma) for sigma in (stress, grains))
     row["stress"] = percent(ratio - truth[:m], truth)
-    if isinstance(law, TwoForms):  # e is integrated, strain is not
-        volume = np.log1p(states[0, 0]) - np.log1p(states[:, 0])
-    else:
-        volume = np.trace(law.variables(states, stress)["strain"], axis1=1, axis2=2)
+    volume = np.trace(law.variables(states, stress)["strain"], axis1=1, axis2=2)
     own = test["strain"][:, :3].sum(axis=1) - test["strain"][0, :3].sum()
     row["volume"] = 100.0 * rms(volume - volume[0] - own[:m]) / max(np.ptp(own), LEAST_VOLUME)
     pairs = np.array([pair for pair in intervals(test) if pair[1] < m]).reshape(-1, 2)
@@ -157,7 +100,7 @@ def errors_of(law: ConstitutiveLaw | TwoForms, y: np.ndarray, test: Test) -> dic
     large = [np.linalg.norm(r, axis=(1, 2)) * np.sqrt(1.5) > SHEARED for r in (ratio, truth[:m])]
     if (both := large[0] & large[1]).any():
         row["Lode"] = float((lode_angle(stress) - lode_angle(grains[:m]))[both].mean())
-    if isinstance(model, Model):
+    if isinstance(law, Model):
         for name, place in (("A", 3), ("F", 9)):
             row[name] = percent(states[:, place : place + 6] - test[name][:m], test[name])
     return row
@@ -222,17 +165,17 @@ def residuals(law: RateLaw, test: Test, constants: Constants) -> np.ndarray:
 
 def contestants(
     tests: Sequence[Test], models: dict[str, Model], peers: dict[str, RateLaw], constants: Constants
-) -> dict[str, ConstitutiveLaw | TwoForms]:
+) -> dict[str, ConstitutiveLaw]:
     """All laws by name: labkit's models, the two forms, the peers as stored and with a memory, and acst with fabric."""
     training = [test for test in tests if test.seed in TRAINING and test.name in REVERSALS]
     fitted = {f"{name}, reversals": with_memory(peers[name], training, constants) for name in MEMORY}
-    forms = TwoForms(models["calibrated"], constants)
+    forms = dataclasses.replace(models["calibrated"], reversals=constants.reversals())
     return {**models, FORMS: forms, **peers, **fitted, WITH_FABRIC: peers["acst"]}
 
 
 def contest(
     tests: Sequence[Test],
-    laws: dict[str, ConstitutiveLaw | TwoForms],
+    laws: dict[str, ConstitutiveLaw],
     constants: Constants,
     progress: Callable[[float, str], None],
 ) -> pandas.DataFrame:
@@ -243,9 +186,8 @@ def contest(
         progress(k / len(own), test.name)
         labels = {"density": test.density, "seed": test.seed, "group": group[test.name], "test": test.name}
         for name, law in laws.items():
-            kind = law.model if isinstance(law, TwoForms) else law
             try:
-                row = errors_of(law, vector_of(name, kind, test, constants), test)
+                row = errors_of(law, vector_of(name, law, test, constants), test)
             except InputError:  # undefined at the start
                 row = {"reached": 0.0}
             rows.append(labels | {"law": name} | row)
@@ -266,7 +208,7 @@ def by_packing(errors: pandas.DataFrame) -> pandas.DataFrame:
     return means.join(own.groupby(keys, sort=False)[["failed", "tests"]].sum()).reset_index()
 
 
-def memory_table(laws: Mapping[str, ConstitutiveLaw | TwoForms], peers: Mapping[str, RateLaw]) -> pandas.DataFrame:
+def memory_table(laws: Mapping[str, ConstitutiveLaw], peers: Mapping[str, RateLaw]) -> pandas.DataFrame:
     """The MEMORY constants as stored and as fitted."""
     rows = []
     for name, constants in MEMORY.items():

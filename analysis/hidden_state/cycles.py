@@ -16,7 +16,7 @@ import pandas
 from scipy.stats import t
 
 import labkit as lk
-from analysis.hidden_state.contest import TwoForms, vector_of
+from analysis.hidden_state.contest import vector_of
 from analysis.hidden_state.driving import values_of, with_digits
 from analysis.hidden_state.law import Constants
 from analysis.hidden_state.loading import DEVICE, PRESSURE, RATE, SEEDS, specimen
@@ -76,7 +76,7 @@ def start_of(row: dict[str, object]) -> Test:
 
 
 def counted(
-    rows: Sequence[dict[str, object]], laws: dict[str, ConstitutiveLaw | TwoForms], constants: Constants
+    rows: Sequence[dict[str, object]], laws: dict[str, ConstitutiveLaw], constants: Constants
 ) -> pandas.DataFrame:
     """N of grains and laws, a row per density, seed, CSR and law; NaN if a law is undefined at the start.
 
@@ -88,8 +88,6 @@ def counted(
         labels = {"density": row["density"], "seed": row["seed"], "CSR": 0.5 * float(row["ratio"])}  # type: ignore[arg-type]
         found.append(labels | {"law": GRAINS, "N": row["N"]})
         for name, law in laws.items():
-            if isinstance(law, TwoForms):
-                continue
             try:
                 y = vector_of(name, law, start_of(row), constants)
                 result = drive(law, path_of(float(row["ratio"])), y, stop_when=LIQUEFIED)  # type: ignore[arg-type]

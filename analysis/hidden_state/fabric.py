@@ -10,7 +10,7 @@ import numpy as np
 import pandas
 from scipy.stats import t
 
-from analysis.hidden_state.contest import TwoForms, vector_of
+from analysis.hidden_state.contest import vector_of
 from analysis.hidden_state.law import Constants
 from analysis.hidden_state.loading import HELD_OUT
 from analysis.hidden_state.table import Test
@@ -22,7 +22,7 @@ from labkit.paths import make_path
 
 BEFORE = {"pre+": 1, "pre-": -1, "control": 0}
 DIRECTIONS = {"compression": 1, "extension": -1}
-STRAIN, STEPS = 0.03, 300
+STRAIN = 0.03
 JUDGED_SEEDS = (*HELD_OUT, 5, 6)
 LEAST = 1e-3  # least p/p_0 that is told apart from zero
 ALIKE = 0.004  # largest difference of e between pre+ and pre-
@@ -62,20 +62,7 @@ def peer_laws() -> dict[str, RateLaw]:
     return {name: kinds.get(name, kinds["acst"])(**values) for name, values in stored.items()}
 
 
-def at_constant_volume(forms: TwoForms, y: np.ndarray, sign: int) -> np.ndarray:
-    """p of the two forms, (STEPS + 1,), Pa, to STRAIN of axial strain."""
-    n, size = sign * THERE / np.linalg.norm(THERE), STRAIN * np.sqrt(1.5) / STEPS
-    found = [float(mean_stress(forms.model.stress(y)))]
-    forms.begin(y)
-    for _ in range(STEPS):
-        y = forms.advance(y, n, size)
-        found.append(float(mean_stress(forms.model.stress(y))))
-    return np.array(found)
-
-
-def predictions(
-    tests: Sequence[Test], laws: Mapping[str, ConstitutiveLaw | TwoForms], constants: Constants
-) -> pandas.DataFrame:
+def predictions(tests: Sequence[Test], laws: Mapping[str, ConstitutiveLaw], constants: Constants) -> pandas.DataFrame:
     """The rows of the grains, and the same with `least` of each law; NaN if a law is undefined there."""
     grains = of_grains(tests)
     by_name = {(test.density, test.seed, test.name): test for test in tests}
@@ -85,12 +72,9 @@ def predictions(
         sign = DIRECTIONS[row["direction"]]
         path = make_path("cv", {"strain": STRAIN * sign}).starting_at(float(test["stress"][0, :3].mean()))
         for name, law in laws.items():
-            if isinstance(law, TwoForms):
-                p = at_constant_volume(law, vector_of(name, law.model, test, constants), sign)
-            else:
-                y = vector_of(name, law, test, constants)
-                vectors = Point(law, path, y, Adaptive(), STRAIN / 60.0).result(None).vector
-                p = mean_stress(np.array([law.stress(vector) for vector in vectors]))
+            y = vector_of(name, law, test, constants)
+            vectors = Point(law, path, y, Adaptive(), STRAIN / 60.0).result(None).vector
+            p = mean_stress(np.array([law.stress(vector) for vector in vectors]))
             rows.append(pandas.DataFrame([row | {"model": name, "least": max(float((p / p[0]).min()), LEAST)}]))
     return pandas.concat(rows, ignore_index=True)
 

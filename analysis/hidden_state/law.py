@@ -10,7 +10,7 @@ import pandas
 
 from analysis.hidden_state.loading import HELD_OUT
 from analysis.hidden_state.table import TRAINING, Test, deviatoric, intervals, tensor
-from labkit.model import Model, Problem, strain_control
+from labkit.model import Model, Problem, Reversals, strain_control
 
 PRINTED_K = (58.7, 3.15)  # K = 58.7 (Z - 3.15), from other packings
 FIRST = 5e-4  # deviatoric strain within which the initial slope of F is measured
@@ -29,6 +29,11 @@ class Constants:
     F_c: np.ndarray
     M: np.ndarray
     K: tuple[float, float]
+
+    def reversals(self) -> Reversals:
+        """The constants of both forms in labkit's model."""
+        (F_e, F_0), (A_e, A_0) = self.F_c, self.A_c
+        return Reversals(*self.K, *(float(value) for value in (F_0, F_e, A_0, A_e)))
 
     def table(self) -> pandas.DataFrame:
         """A row per constant: at e = 0.6, 0.7 and 0.8, or the two numbers of K(Z)."""

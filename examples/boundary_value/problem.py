@@ -41,7 +41,7 @@ class History:
     """The records of every increment: axial strain, axial stress (Pa), and the residuals of its iterations."""
 
     strain: list[float] = dataclasses.field(default_factory=lambda: [0.0])
-    stress: list[float] = dataclasses.field(default_factory=lambda: [PRESSURE])
+    stress: list[float] = dataclasses.field(default_factory=list)
     residuals: list[list[float]] = dataclasses.field(default_factory=list)
     cuts: int = 0
     wall_time: float = 0.0
@@ -52,16 +52,11 @@ class History:
         return np.array([len(found) - 1 for found in self.residuals])
 
 
-class Biaxial(abc.ABC):
-    """The test on a mesh of `columns` x `2 columns` quadratic elements, solved by one program.
+class Problem(abc.ABC):
+    """A body that the displacement of a rigid part strains: the platen of the biaxial test, or a footing."""
 
-    `program` and `element` are names for the table; `unknowns` is the number of free displacements.
-    """
-
-    program: str
-    element: str
-    columns: int
-    unknowns: int
+    breadth: float  # of the rigid part, m: its force per breadth is the axial stress
+    pressure: float  # axial stress at the start, Pa
 
     @abc.abstractmethod
     def uniform(self, strain: float) -> np.ndarray:
@@ -71,22 +66,13 @@ class Biaxial(abc.ABC):
     def increment(self, step: float, start: np.ndarray) -> Increment | None:
         """Compress by the axial strain `step` from the estimate `start`; None if it fails, and nothing changes."""
 
-    @abc.abstractmethod
-    def field(self, name: str) -> np.ndarray:
-        """One of FIELDS at the integration points, (rows, columns, points), from the lower left corner."""
-
-    @property
-    def elements(self) -> int:
-        """Number of elements."""
-        return 2 * self.columns**2
-
     def run(self, strain: float, increments: int, progress: Callable[[float, str], None]) -> History:
         """Strain the specimen axially in equal increments, compression positive; returns the History of this strain.
 
         Another call goes on from there, and reverses if its strain has the other sign. Ends early if an increment
         cannot be solved after it was halved eight times.
         """
-        history, begin, goal = History(), time.perf_counter(), strain / increments
+        history, begin, goal = History(stress=[self.pressure]), time.perf_counter(), strain / increments
         step, done, change = goal, 0.0, self.uniform(goal)  # change of displacement over the increment to `goal`
         while abs(done) < abs(strain) * (1.0 - 1e-9):
             step = min(step, strain - done, key=abs)
@@ -100,7 +86,29 @@ class Biaxial(abc.ABC):
             step = min(goal, 2.0 * step, key=abs)
             history.residuals.append(found.residuals)
             history.strain.append(done)
-            history.stress.append(found.force / WIDTH)
+            history.stress.append(found.force / self.breadth)
             progress(done / strain, f"axial strain {done:.2%}")
         history.wall_time = time.perf_counter() - begin
         return history
+
+
+class Biaxial(Problem):
+    """The test on a mesh of `columns` x `2 columns` quadratic elements, solved by one program.
+
+    `program` and `element` are names for the table; `unknowns` is the number of free displacements.
+    """
+
+    program: str
+    element: str
+    columns: int
+    unknowns: int
+    breadth, pressure = WIDTH, PRESSURE
+
+    @abc.abstractmethod
+    def field(self, name: str) -> np.ndarray:
+        """One of FIELDS at the integration points, (rows, columns, points), from the lower left corner."""
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return 2 * self.columns**2

@@ -37,11 +37,13 @@ if TYPE_CHECKING:
     from labkit.model.law import ConstitutiveLaw as ConstitutiveLaw
     from labkit.model.law import RateLaw as RateLaw
     from labkit.model.parameters import MEASURED as MEASURED
+    from labkit.model.parameters import MEASURED_REVERSALS as MEASURED_REVERSALS
     from labkit.model.parameters import ROOT_3_2 as ROOT_3_2
     from labkit.model.parameters import DensityDependence as DensityDependence
     from labkit.model.parameters import Model as Model
     from labkit.model.parameters import Parameters as Parameters
     from labkit.model.parameters import Readings as Readings
+    from labkit.model.parameters import Reversals as Reversals
     from labkit.model.registry import MODELS as MODELS
     from labkit.model.run_file import MODEL_ENGINE as MODEL_ENGINE
     from labkit.model.run_file import as_run as as_run

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 
 class Constants(NamedTuple):
-    """Constants for compiled code: E (Pa), Parameters, c_dLam, LodeDependence, DensityDependence and Readings as flags.
+    """Constants for compiled code: E (Pa), Parameters, c_dLam, LodeDependence, DensityDependence, Reversals, flags.
 
-    A flag is True if the interpretation after which it is named applies. The values come from `Model.constants`, which
-    raises TypeError if the names of these fields do not match the parameters of the model.
+    A flag is True if the interpretation (Readings) after which it is named applies. The values come from
+    `Model.constants`, which raises TypeError if the names of these fields do not match the parameters of the model.
     """
 
     E: float
@@ -47,6 +47,12 @@ class Constants(NamedTuple):
     Ft_Z: float
     F_d: float
     Ft_d: float
+    K_F: float
+    Z_F: float
+    F_0: float
+    F_e: float
+    A_0: float
+    A_e: float
     total_rate: bool
     with_force: bool
     distance: bool

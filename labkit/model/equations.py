@@ -160,10 +160,22 @@ def coordination_number_rate(
     return f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate)) + f_vZ(e, Z, Lam, compressing, c) * volumetric
 
 
-def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
-    """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
+def normal_force_anisotropy_rate(F: Six, e: float, Z: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
+    """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3), or `elastic_range` if K_F > 0."""
     target = f_dA(e, Lam, 1.0 - c.F_d, c) * c.F_c * attractor(n, c.F_b, c.F_w)
-    return rate * relaxation(f_eF(e, Lam, c), c.gamma_F, target, F)
+    return rate * (elastic_range(F, e, Z, n, c) if c.K_F > 0.0 else relaxation(f_eF(e, Lam, c), c.gamma_F, target, F))
+
+
+def size_at(e: float, at_zero: float, slope: float) -> float:
+    """|F^c| or |A^c| of Reversals, a straight line in e, at least 0.1."""
+    return np.maximum(at_zero + slope * e, 0.1)
+
+
+def elastic_range(F: Six, e: float, Z: float, n: Six, c: Constants) -> Six:
+    """K_F (Z - Z_F) (n - max(0, F:n)/F_c F/F_c), which replaces the right-hand side of C3 (Reversals)."""
+    size = size_at(e, c.F_0, c.F_e)
+    share = np.maximum(contract(F, n), 0.0) / (size * size)
+    return c.K_F * np.maximum(Z - c.Z_F, 0.0) * (n - share * F)
 
 
 LENSES = 2.7  # volume of the overlap lenses divided by the volume of the grains and by Z Lambda^2
@@ -193,9 +205,15 @@ def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> flo
     return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - limit
 
 
-def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compressing: bool, c: Constants) -> float:
-    """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v (C4)."""
+def mean_force_rate(
+    A: Six, e: float, Lam: float, n: Six, rate: float, volumetric: float, compressing: bool, c: Constants
+) -> float:
+    """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v (C4).
+
+    If K_F > 0 (Reversals), A:n/A_c multiplies the first term.
+    """
     factor = Lam if c.with_force else 1.0
+    factor = factor * (contract(A, n) / size_at(e, c.A_0, c.A_e) if c.K_F > 0.0 else 1.0)
     shear = f_eLam(e, Lam, c) * factor * (critical_force(e, c) - Lam) * rate
     return shear + f_vLam(e, compressing, c) * volumetric
 
@@ -262,9 +280,9 @@ def state_rates(state: StateVariables, D: Six, compressing: bool, c: Constants) 
     line = line_void_ratio(e, Z, Lam, n, c)
     A_rate = contact_anisotropy_rate(A, line, Lam, n, rate, c)
     Z_rate = coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)
-    Lam_rate = mean_force_rate(line, Lam, rate, volumetric, compressing, c)
+    Lam_rate = mean_force_rate(A, line, Lam, n, rate, volumetric, compressing, c)
     Lam_rate += c.c_dLam * Lam * excess_ratio(A, F, Ft, line, n, c) * rate if c.c_dLam > 0.0 else 0.0
-    F_rate = normal_force_anisotropy_rate(F, line, Lam, n, rate, c)
+    F_rate = normal_force_anisotropy_rate(F, line, Z, Lam, n, rate, c)
     Ft_rate = mobilisation_rate(Ft, line, Lam, n, rate, c)
     return StateVariables(void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate)
 

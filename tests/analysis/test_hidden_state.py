@@ -1,5 +1,7 @@
 """The study of hidden state: what is kept of a test, equal states with other histories, and constants of the law."""
 
+import dataclasses
+
 import numpy as np
 import pandas
 import pytest
@@ -226,7 +228,7 @@ def test_a_law_that_follows_its_own_path_has_no_error(of_model):
 def test_the_two_forms_hold_the_mean_stress(of_model):
     model, test = of_model
     constants = law.Constants(np.array([0.0, 0.5]), np.array([0.0, 0.9]), np.array([0.0, 0.9]), (46.5, 2.57))
-    forms = contest.TwoForms(model, constants)
+    forms = dataclasses.replace(model, reversals=constants.reversals())
     states = contest.followed(forms, contest.vector_of("forms", model, test, constants), test)
     p = [float(mean_stress(model.stress(state))) for state in states]
     np.testing.assert_allclose(p, p[0], rtol=2e-3)

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed: pip install 'labkit[fem]'")
 
+from examples.boundary_value import footing
 from examples.boundary_value import problem as definition
 from examples.boundary_value.__main__ import main
 from examples.boundary_value.problem import FIELDS, PRESSURE, VOID_RATIO
@@ -131,3 +132,19 @@ def test_the_program_prints_the_same_stress_for_both_programs(library, capsys):
     stress = [float(value) for _, value in found]
     assert found[0][0] == "scikit-fem" and stress[0] > PRESSURE / 1e6
     assert stress == pytest.approx(stress[:1] * len(stress), abs=1.01e-4)
+
+
+def test_a_footing_is_loaded_unloaded_and_loaded_again(tmp_path, monkeypatch):
+    """Newton converges in every increment; the pressure falls on unloading and rises on reloading."""
+    table = footing.cycle(parts=2, increments=2)
+    assert set(table["model"]) == set(footing.MODELS)
+    for _, own in table.groupby("model"):
+        pressure = own.groupby("part", sort=False)["pressure"].last()
+        assert pressure["loading"] > 2.0 * footing.SURCHARGE / 1e3 > 0.0
+        assert pressure["unloading"] < min(pressure["loading"], pressure["reloading"])
+        assert own["settlement"].iloc[-1] == pytest.approx(sum(footing.CYCLE))
+    residuals = [[float(r) for r in text.split()] for text in table["residuals"]]
+    assert all(found[-1] < definition.TOLERANCE for found in residuals)
+    assert table["iterations"].max() <= 7
+    monkeypatch.chdir(tmp_path)
+    footing.figure(table).savefig("footing.png")

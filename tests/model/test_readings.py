@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
+from labkit.micro.tensors import to_tensor
 from labkit.model import equations as eq
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
-from labkit.model.parameters import DensityDependence, Model, Readings
+from labkit.model.parameters import MEASURED_REVERSALS, DensityDependence, Model, Readings, Reversals
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import state_rate
 from labkit.model.strength import attractors
@@ -124,10 +125,30 @@ def test_attractors_that_depend_on_density(model):
         DensityDependence(A_Z=2.0)
 
 
+def test_reversals_make_F_stiff_and_grains_contract(model):
+    """F grows by K_F (Z - Z_F) per strain where it is zero or opposed; Lambda changes its sign with A:n."""
+    turning = dataclasses.replace(model, reversals=MEASURED_REVERSALS)
+    terms, n = MEASURED_REVERSALS, np.diag([-0.5, -0.5, 1.0]) / np.sqrt(1.5)
+    start = isotropic_state(model, 0.62, 0.5e6)
+    K = terms.K_F * (start.Z - terms.Z_F)
+    np.testing.assert_allclose(to_tensor(state_rate(turning, start, n)[9:15]), K * n, atol=1e-12 * K)
+    loaded = dataclasses.replace(start, A=0.6 * n, F=0.8 * n, Lam=0.5 * start.Lam)
+    back = state_rate(turning, loaded, -n)
+    np.testing.assert_allclose(to_tensor(back[9:15]), -K * n, atol=1e-12 * K)
+    forth, plain = state_rate(turning, loaded, n), state_rate(model, loaded, n)
+    assert forth[2] == pytest.approx(-back[2])
+    assert forth[2] / plain[2] == pytest.approx(0.6 / (terms.A_0 + terms.A_e * 0.62))
+    full = dataclasses.replace(loaded, F=(terms.F_0 + terms.F_e * 0.62) * n)
+    np.testing.assert_allclose(state_rate(turning, full, n)[9:15], 0.0, atol=1e-12 * K)
+    with pytest.raises(InputError, match="K_F"):
+        Reversals(K_F=-1.0)
+
+
 def test_a_model_is_read_back_from_its_file(model):
     density = DensityDependence(A_Z=-0.2)
     amended = dataclasses.replace(model.reading(force_rate="distance"), c_dLam=5.0, density=density)
+    amended = dataclasses.replace(amended, reversals=MEASURED_REVERSALS)
     assert Model.from_json(amended.to_json()) == amended
     older = json.loads(model.to_json())
-    del older["c_dLam"], older["density"], older["readings"]["line_void_ratio"]
+    del older["c_dLam"], older["density"], older["reversals"], older["readings"]["line_void_ratio"]
     assert Model.from_json(json.dumps(older)) == model

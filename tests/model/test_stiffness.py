@@ -9,7 +9,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import strain_control
 from labkit.model.integrators import Adaptive, Problem
-from labkit.model.parameters import DensityDependence, LodeDependence, Model
+from labkit.model.parameters import MEASURED_REVERSALS, DensityDependence, LodeDependence, Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
 from labkit.plugins.umat.material_point import states, update, voigt
@@ -23,6 +23,7 @@ MODELS = (
     Model(c_dLam=5.0).reading(force_rate="distance", line_void_ratio="reported"),
     Model(c_dLam=5.0, lode=LODE).reading(line_void_ratio="reported"),
     Model(c_dLam=5.0, lode=LODE, density=DENSE).reading(compression="parallel"),
+    Model(reversals=MEASURED_REVERSALS),
 )
 
 

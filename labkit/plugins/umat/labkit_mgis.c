@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { PROPERTIES = 30, STATE = 21 }; /* labkit umat writes 45 for a model that is not the paper's */
+enum { PROPERTIES = 30, STATE = 21 }; /* labkit umat writes 51 for a model that is not the paper's */
 
 /* The structures of MGIS/Behaviour/BehaviourDataView.hxx and StateView.hxx */
 typedef struct {
@@ -125,7 +125,8 @@ const char *labkit_MaterialProperties[] = {
     "beta_eZ", "c_Z", "c_com", "c_vZ", "beta_vZ", "gamma_F", "gamma_eLam", "c_eLam", "c_vLamd", "c_M", "strain_rate",
     "force_rate", "compression", "beyond_e_cmax", "tolerance", "initial_void_ratio", "initial_pressure",
     "A_b", "A_w", "F_b", "F_w", "Ft_b", "Ft_w", "d_e", "c_dLam", "distance",
-    "reported", "parallel", "A_Z", "Ft_Z", "F_d", "Ft_d"}; /* the last 15 are read if PROPERTIES is 45 */
+    "reported", "parallel", "A_Z", "Ft_Z", "F_d", "Ft_d", "K_F",
+    "Z_F", "F_0", "F_e", "A_0", "A_e"}; /* the last 21 are read if PROPERTIES is 51 */
 const unsigned short labkit_nInternalStateVariables = 6;
 const int labkit_InternalStateVariablesTypes[] = {0, 0, 0, 1, 1, 1};
 const char *labkit_InternalStateVariables[] = {"e", "Z", "Lambda", "A", "F", "Ft"};

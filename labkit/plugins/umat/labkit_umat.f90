@@ -19,9 +19,10 @@
 !         39-41  readings, 0 or 1: force rate with |Lambda^c - Lambda|, lines of the reported void ratio, Z parallel to
 !                the compression line
 !         42-45  dependence on density in the order of labkit.model.parameters.DensityDependence; 0 is the paper's
+!         46-51  terms for reversals in the order of labkit.model.parameters.Reversals; 0 is the paper's
 ! STATEV  1-3    e, Z, Lambda
 !         4-9    A, 10-15 F, 16-21 F^t: components 11, 22, 33, 12, 13, 23 of the tensor, compression positive
-! PROPS 24 to 45 may be left out, from the end.
+! PROPS 24 to 51 may be left out, from the end.
 
 module labkit_model
   use, intrinsic :: iso_c_binding, only: c_double, c_int
@@ -32,7 +33,7 @@ module labkit_model
   public :: wp, n_state, n_table, n_props, fine, not_finite, no_start, wrong_input, reason_of
 
   integer, parameter :: wp = c_double
-  integer, parameter :: n_state = 21, n_table = 23, n_props = 45
+  integer, parameter :: n_state = 21, n_table = 23, n_props = 51
   real(wp), parameter :: root2 = sqrt(2.0_wp)
   real(wp), parameter :: identity(6) = [1.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
   real(wp), parameter :: isotropic_below = 1.0e-10_wp
@@ -51,7 +52,7 @@ module labkit_model
     real(wp) :: tolerance, initial_void_ratio, initial_pressure
     real(wp) :: A_b, A_w, F_b, F_w, Ft_b, Ft_w, d_e, c_dLam
     logical :: distance, reported, parallel
-    real(wp) :: A_Z, Ft_Z, F_d, Ft_d
+    real(wp) :: A_Z, Ft_Z, F_d, Ft_d, K_F, Z_F, F_0, F_e, A_0, A_e
   end type constants
 
 contains
@@ -81,10 +82,11 @@ contains
     c%A_b = p(31); c%A_w = p(32); c%F_b = p(33); c%F_w = p(34); c%Ft_b = p(35); c%Ft_w = p(36); c%d_e = p(37)
     c%c_dLam = p(38); c%distance = p(39) > 0.5_wp; c%reported = p(40) > 0.5_wp; c%parallel = p(41) > 0.5_wp
     c%A_Z = p(42); c%Ft_Z = p(43); c%F_d = p(44); c%Ft_d = p(45)
+    c%K_F = p(46); c%Z_F = p(47); c%F_0 = p(48); c%F_e = p(49); c%A_0 = p(50); c%A_e = p(51)
     status = fine
     if (n < n_table) status = wrong_input
     if (.not. all(ieee_is_finite(p)) .or. .not. all(p(positive) > 0.0_wp)) status = wrong_input
-    if (any(p(:30) < 0.0_wp) .or. p(38) < 0.0_wp) status = wrong_input
+    if (any(p(:30) < 0.0_wp) .or. p(38) < 0.0_wp .or. any(p(46:47) < 0.0_wp)) status = wrong_input
   end subroutine constants_of
 
   !> The sentence that describes a status.
@@ -99,7 +101,7 @@ contains
     case (no_voids); text = "the void ratio falls to zero"
     case (too_many_steps); text = "more than 100000 substeps"
     case (no_start); text = "no initial state: give STATEV, or PROPS(29) and a compressive STRESS or PROPS(30)"
-    case (wrong_input); text = "PROPS needs 23 to 45 numbers, the first 30 positive, NSTATV 21, NDI 3, NTENS 4 or 6"
+    case (wrong_input); text = "PROPS needs 23 to 51 numbers, the first 30 positive, NSTATV 21, NDI 3, NTENS 4 or 6"
     case default; text = "fine"
     end select
   end function reason_of

@@ -38,7 +38,8 @@ def properties(
 ) -> dict[str, float]:
     """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
 
-    LodeDependence, c_dLam, the other readings and DensityDependence follow if any differs from the paper's model.
+    LodeDependence, c_dLam, the other readings, DensityDependence and Reversals follow if any differs from the paper's
+    model.
 
     Raises InputError for a tolerance or unit that is not positive.
 
@@ -55,7 +56,8 @@ def properties(
     start = start or PointStart()
     flags = {name: float(value) for name, value in model.constants._asdict().items() if isinstance(value, bool)}
     later = {name: flags.pop(name) for name in ("distance", "reported", "parallel")}
-    optional = {**dataclasses.asdict(model.lode), "c_dLam": model.c_dLam, **later, **dataclasses.asdict(model.density)}
+    optional = {**dataclasses.asdict(model.lode), "c_dLam": model.c_dLam, **later}
+    optional |= dataclasses.asdict(model.density) | dataclasses.asdict(model.reversals)
     return {
         "E": model.young_modulus / stress_unit,
         **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},

@@ -12,7 +12,14 @@ from labkit.model import rates
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.equations import stress_of
-from labkit.model.parameters import MEASURED, READINGS, DensityDependence, LodeDependence
+from labkit.model.parameters import (
+    MEASURED,
+    MEASURED_REVERSALS,
+    READINGS,
+    DensityDependence,
+    LodeDependence,
+    Reversals,
+)
 from labkit.model.state import isotropic_state
 from labkit.plugins.umat.fortran import equations
 from labkit.plugins.umat.material_point import update
@@ -34,11 +41,12 @@ def other_numbers(model):
 
 
 @pytest.mark.parametrize("lode", [LodeDependence(), MEASURED], ids=["paper", "lode"])
+@pytest.mark.parametrize("reversals", [Reversals(), MEASURED_REVERSALS], ids=["", "reversals"])
 @pytest.mark.parametrize("readings", [{}, OTHER, AMENDED], ids=["default", "alternatives", "amended"])
-def test_increments_agree_with_python(model, load, readings, lode):
+def test_increments_agree_with_python(model, load, readings, reversals, lode):
     amendment = 5.0 if readings is AMENDED else 0.0
-    density = DENSE if amendment else DensityDependence()
-    model = dataclasses.replace(other_numbers(model).reading(**readings), lode=lode, c_dLam=amendment, density=density)
+    terms = {"c_dLam": amendment, "density": DENSE if amendment else DensityDependence(), "reversals": reversals}
+    model = dataclasses.replace(other_numbers(model).reading(**readings), lode=lode, **terms)
     n, rng = POINTS, np.random.default_rng(2)
     states, increments = random_states(rng, n), random_increments(rng, n, 10.0 ** rng.uniform(-6, -3, n))
     found, expected = load(model).update(states, increments), update(model, states, increments)
@@ -180,7 +188,7 @@ def test_properties_name_every_constant(model):
     names = list(properties(model))
     assert names[:23] == list(model.constants._fields[:23]) and len(names) == 30
     assert properties(model, stress_unit=1e3)["E"] == model.young_modulus / 1e3
-    assert len(properties(dataclasses.replace(model, c_dLam=5.0))) == 45
+    assert len(properties(dataclasses.replace(model, c_dLam=5.0))) == 51
     first = [name for name in OTHER if name != "line_void_ratio"]
     assert [properties(model.reading(**{name: OTHER[name]}))[name] for name in first] == [1.0] * 4
     assert [properties(model.reading(**AMENDED))[name] for name in ("distance", "reported", "parallel")] == [1.0] * 3

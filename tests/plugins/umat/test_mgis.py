@@ -99,7 +99,7 @@ def test_random_walks_of_the_better_model(folder, tmp_path):
     model = Model.from_json(file.read_text(encoding="utf-8"))
     write(tmp_path, properties(model))
     behaviour = behaviour_of(library.build(tmp_path), model)
-    names = (ctypes.c_char_p * 45).in_dll(ctypes.CDLL(str(tmp_path / library.NAME)), "labkit_MaterialProperties")
+    names = (ctypes.c_char_p * 51).in_dll(ctypes.CDLL(str(tmp_path / library.NAME)), "labkit_MaterialProperties")
     assert [name.decode() for name in names] == list(properties(model))
 
     def one(y, increment):
