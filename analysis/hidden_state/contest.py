@@ -163,12 +163,23 @@ def residuals(law: RateLaw, test: Test, constants: Constants) -> np.ndarray:
     return np.clip(rows, -3.0, 3.0).ravel()
 
 
+def fitted_memory(tests: Sequence[Test], peers: Mapping[str, RateLaw], constants: Constants) -> pandas.DataFrame:
+    """The MEMORY constants as stored and as fitted to the cycles of the training packings."""
+    training, rows = [test for test in tests if test.seed in TRAINING and test.name in REVERSALS], []
+    for name, memory in MEMORY.items():
+        fitted = with_memory(peers[name], training, constants)
+        rows += [(name, constant, peers[name].values[constant], fitted.values[constant]) for constant in memory]
+    return pandas.DataFrame(rows, columns=["law", "constant", "stored", "fitted"])
+
+
 def contestants(
-    tests: Sequence[Test], models: dict[str, Model], peers: dict[str, RateLaw], constants: Constants
+    models: dict[str, Model], peers: dict[str, RateLaw], memory: pandas.DataFrame, constants: Constants
 ) -> dict[str, ConstitutiveLaw]:
     """All laws by name: labkit's models, the two forms, the peers as stored and with a memory, and acst with fabric."""
-    training = [test for test in tests if test.seed in TRAINING and test.name in REVERSALS]
-    fitted = {f"{name}, reversals": with_memory(peers[name], training, constants) for name in MEMORY}
+    fitted = {}
+    for name, own in memory.groupby("law", sort=False):
+        values = dict(zip(own["constant"], own["fitted"], strict=True))
+        fitted[f"{name}, reversals"] = type(peers[str(name)])(**{**peers[str(name)].values, **values})
     forms = dataclasses.replace(models["calibrated"], reversals=constants.reversals())
     return {**models, FORMS: forms, **peers, **fitted, WITH_FABRIC: peers["acst"]}
 
@@ -208,16 +219,6 @@ def by_packing(errors: pandas.DataFrame) -> pandas.DataFrame:
     return means.join(own.groupby(keys, sort=False)[["failed", "tests"]].sum()).reset_index()
 
 
-def memory_table(laws: Mapping[str, ConstitutiveLaw], peers: Mapping[str, RateLaw]) -> pandas.DataFrame:
-    """The MEMORY constants as stored and as fitted."""
-    rows = []
-    for name, constants in MEMORY.items():
-        fitted = laws[f"{name}, reversals"]
-        assert isinstance(fitted, RateLaw)
-        rows += [(name, constant, peers[name].values[constant], fitted.values[constant]) for constant in constants]
-    return pandas.DataFrame(rows, columns=["law", "constant", "stored", "fitted"])
-
-
 def summary(table: pandas.DataFrame) -> pandas.DataFrame:
     """Means over packings (by_packing) with 95 % intervals (t), a row per part, densities, group and law."""
     rows = []
@@ -231,6 +232,28 @@ def summary(table: pandas.DataFrame) -> pandas.DataFrame:
             row[f"{name}_within"] = t.ppf(0.975, n - 1) * values.std() / np.sqrt(n) if n > 1 else np.nan
         rows.append(row)
     return pandas.DataFrame(rows)
+
+
+GAINS = ("stress", "volume", "D", "A", "F")
+
+
+def gains(errors: pandas.DataFrame) -> pandas.DataFrame:
+    """The two forms less the calibrated model without them, paired over held-out packings.
+
+    Columns: densities, group, value, plain, forms, difference, within (t, 1 - 0.05/20, as there are four groups and
+    five GAINS), packings, share (forms over plain).
+    """
+    table, rows = by_packing(errors).query("part == 'held out'"), []
+    looks = len(GROUPS) * len(GAINS)
+    for (densities, group), own in table.groupby(["densities", "group"], sort=False):
+        for value in GAINS:
+            wide = own.pivot(index="packing", columns="law", values=value)
+            off, n = wide[FORMS] - wide["calibrated"], len(wide)
+            within = t.ppf(1.0 - 0.025 / looks, n - 1) * off.std() / np.sqrt(n)
+            means = wide["calibrated"].mean(), wide[FORMS].mean()
+            rows.append((densities, group, value, *means, off.mean(), within, n, means[1] / means[0]))
+    columns = "densities group value plain forms difference within packings share".split()
+    return pandas.DataFrame(rows, columns=columns)
 
 
 COMPARED, LOOKS = ("stress", "volume"), 24

@@ -17,8 +17,12 @@ from analysis.hidden_state.nearest import compared, differences, pairs_of, ranki
 from analysis.hidden_state.table import Test, gather, read, states_of
 from analysis.hidden_state.twins import make_pairs
 from analysis.study import Figures, StoredTables, Study, Tables, Values
+from labkit.model import ConstitutiveLaw
 
 HELD = ("small", "large", "loops", "compression", "extension", "turn", "again")  # tests at held p, of the law
+
+
+PARTS = ("states", "twins", "forms", "memory", "laws", "fabric", "undrained")
 
 
 class HiddenState(Study):
@@ -26,11 +30,14 @@ class HiddenState(Study):
 
     data = "records.nc"
     pairs, cycles = "pairs.jsonl", "cycles.jsonl"
+    parts: Sequence[str] = PARTS
     steps = ("run", "gather", "twins", "cycles", "tables", "figures", "page")
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         text = f"folder in which the tests are run, resumably (default: none; use {self.data} in the output folder)"
         parser.add_argument("folder", nargs="?", type=Path, help=text)
+        text = "tables that the step `tables` computes (default: all); `memory`, the fit of peers, takes longest"
+        parser.add_argument("--tables", choices=PARTS, nargs="+", default=PARTS, help=text)
         self.add_output(parser)
 
     def only_redraws(self, options: argparse.Namespace) -> bool:
@@ -54,56 +61,45 @@ class HiddenState(Study):
         self.folder = file.parent
         return read(file)
 
+    def main(self, options: argparse.Namespace, command: str) -> int:
+        self.parts = options.tables
+        return super().main(options, command)
+
     def tables(self, data: list[Test]) -> Tables:
-        rows = states_of(data)
-        made = differences(rows, pairs_of(rows))
-        each = [compared(own, str(density)) for density, own in made.groupby("density", sort=False)]
-        slopes = law.slopes(data)
-        fit = law.stiffness_fit(slopes)
+        fit = law.stiffness_fit(law.slopes(data))
         constants = law.measured(data, law.chosen_stiffness(fit))
-        shown = [test for test in data if test.name.startswith(HELD) and not test.name.startswith("pre")]
-        models = own_models()
-        rates = {
-            law.FORM_OF_F: law.stiff(constants, clipped_range=True),
-            "C3 with K(Z)": law.stiff(constants, clipped_range=False),
-            "C3, calibrated": law.c3(models["calibrated"]),
-            "C3, better": law.c3(models["better"]),
-        }
-        errors = law.errors_of_F(shown, rates)
-        dilatancy = law.Dilatancy(data, constants).errors(shown)
-        peers = peer_laws()
-        laws = contest.contestants(data, models, peers, constants)
-        fabric = predictions(data, laws, constants)
-        followed = contest.contest(data, laws, constants, lambda done, text: self.progress(0.9 * done, text))
-        own = (*models, contest.FORMS)
-        pairs = equal.read_pairs(self.folder / self.pairs)
-        counts = cycles.counted(equal.read_pairs(self.folder / self.cycles), laws, constants)
-        tables = {
-            "rates": pandas.concat([compared(made), *each], ignore_index=True),
-            "ranking": ranking(rows, made),
-            "slopes": slopes,
-            "stiffness": fit,
-            "constants": constants.table(),
-            "of_F": law.judged(errors, ["error"]),
-            "of_D": law.judged(dilatancy, ["D", "D_std", "volume"]),
-            "goals": law.goals(errors, dilatancy),
-            "fabric": fabric,
-            "contrasts": contrasts(fabric),
-            "judged_fabric": judged_fabric(fabric),
-            "contest": contest.by_packing(followed),
-            "against_peers": contest.against_peers(followed, own, [name for name in laws if name not in own]),
-            "memory": contest.memory_table(laws, peers),
-            "twins": equal.reached(pairs),
-            "twin_rates": equal.compared_rates(pairs),
-            "twin_ranking": equal.ranked(pairs),
-            "cycles": counts,
-            "cycle_errors": cycles.errors_of_cycles(counts),
-            "tests": pandas.DataFrame(
-                [(test.name, test.density, test.seed, len(test), test.inertial, test.ended) for test in data],
-                columns="test density seed records inertial ended".split(),
-            ),
-        }
-        return tables
+        made: Tables = {}
+        if "states" in self.parts:
+            made |= of_states(data)
+        if "twins" in self.parts:
+            pairs = equal.read_pairs(self.folder / self.pairs)
+            made |= {"twins": equal.reached(pairs), "twin_rates": equal.compared_rates(pairs)}
+            made["twin_ranking"] = equal.ranked(pairs)
+        if "forms" in self.parts:
+            made |= of_forms(data, constants) | {"slopes": law.slopes(data), "stiffness": fit}
+        if "memory" in self.parts:
+            made["memory"] = contest.fitted_memory(data, peer_laws(), constants)
+        if {"laws", "fabric", "undrained"} & {*self.parts}:
+            memory = made["memory"] if "memory" in made else StoredTables(self.folder)["memory"]
+            laws = contest.contestants(own_models(), peer_laws(), memory, constants)
+            made |= self._of_laws(data, laws, constants)
+        return made
+
+    def _of_laws(self, data: list[Test], laws: dict[str, ConstitutiveLaw], constants: law.Constants) -> Tables:
+        made: Tables = {}
+        if "fabric" in self.parts:
+            fabric = predictions(data, laws, constants)
+            made |= {"fabric": fabric, "contrasts": contrasts(fabric), "judged_fabric": judged_fabric(fabric)}
+        if "laws" in self.parts:
+            followed = contest.contest(data, laws, constants, self.progress)
+            own = (*own_models(), contest.FORMS)
+            peers = [name for name in laws if name not in own]
+            made |= {"contest": contest.by_packing(followed), "gains": contest.gains(followed)}
+            made["against_peers"] = contest.against_peers(followed, own, peers)
+        if "undrained" in self.parts:
+            counts = cycles.counted(equal.read_pairs(self.folder / self.cycles), laws, constants)
+            made |= {"cycles": counts, "cycle_errors": cycles.errors_of_cycles(counts)}
+        return made
 
     def figures(self, data: list[Test], tables: StoredTables) -> Figures:
         return {
@@ -138,6 +134,39 @@ class HiddenState(Study):
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
         return [folder / name for name in (self.data, self.pairs, self.cycles) if (folder / name).exists()]
+
+
+def of_states(data: list[Test]) -> Tables:
+    """The tables of nearest states, and a row per test."""
+    rows = states_of(data)
+    made = differences(rows, pairs_of(rows))
+    each = [compared(own, str(density)) for density, own in made.groupby("density", sort=False)]
+    tests = [(test.name, test.density, test.seed, len(test), test.inertial, test.ended) for test in data]
+    return {
+        "rates": pandas.concat([compared(made), *each], ignore_index=True),
+        "ranking": ranking(rows, made),
+        "tests": pandas.DataFrame(tests, columns="test density seed records inertial ended".split()),
+    }
+
+
+def of_forms(data: list[Test], constants: law.Constants) -> Tables:
+    """The tables of the two forms in the state of the grains."""
+    shown = [test for test in data if test.name.startswith(HELD) and not test.name.startswith("pre")]
+    models = own_models()
+    rates = {
+        law.FORM_OF_F: law.stiff(constants, clipped_range=True),
+        "C3 with K(Z)": law.stiff(constants, clipped_range=False),
+        "C3, calibrated": law.c3(models["calibrated"]),
+        "C3, better": law.c3(models["better"]),
+    }
+    errors = law.errors_of_F(shown, rates)
+    dilatancy = law.Dilatancy(data, constants).errors(shown)
+    return {
+        "constants": constants.table(),
+        "of_F": law.judged(errors, ["error"]),
+        "of_D": law.judged(dilatancy, ["D", "D_std", "volume"]),
+        "goals": law.goals(errors, dilatancy),
+    }
 
 
 def wide(table: pandas.DataFrame, value: str) -> pandas.DataFrame:

@@ -11,7 +11,10 @@ from analysis.hidden_state import contest, cycles, driving, equal, law, loading,
 from analysis.hidden_state.nearest import compared, differences, pairs_of, ranking
 from analysis.hidden_state.records import Records, kept, records_of, sections_of, strain_of_cells
 from analysis.hidden_state.table import CANDIDATES, RATES, STATE, rounded, tensor
+from analysis.peers.laws import PEERS
+from analysis.places import results_folder
 from labkit.micro import mean_stress, to_six
+from labkit.model import MEASURED_REVERSALS as TERMS
 from labkit.model import Model, drive, isotropic_state
 
 
@@ -223,6 +226,28 @@ def test_a_law_that_follows_its_own_path_has_no_error(of_model):
     row = contest.errors_of(model, contest.vector_of("own", model, test, None), test)
     assert row["reached"] == 1.0
     assert max(row["stress"], row["volume"], row["A"], row["F"]) < 1.0 and row["D"] < 0.01
+
+
+def test_peers_remember_with_the_constants_of_a_table(of_model):
+    """Laws with a memory have the fitted constants and are their peers otherwise; the two forms are in the model."""
+    model, _ = of_model
+    constants = law.Constants(np.array([0.0, 0.5]), np.array([0.0, 0.9]), np.array([0.0, 0.9]), (46.5, 2.57))
+    peers = {name: kind() for name, kind in ((kind.name, kind) for kind in PEERS) if name in (*contest.MEMORY, "acst")}
+    rows = [(name, one, 0.0, 2.0 * peers[name].values[one]) for name, own in contest.MEMORY.items() for one in own[:1]]
+    memory = pandas.DataFrame(rows, columns=["law", "constant", "stored", "fitted"])
+    laws = contest.contestants({"calibrated": model}, peers, memory, constants)
+    for name, own in contest.MEMORY.items():
+        changed = {one for one, value in laws[f"{name}, reversals"].values.items() if value != peers[name].values[one]}
+        assert changed == {own[0]}
+    assert laws[contest.FORMS].reversals.F_0 == 0.9 and laws["calibrated"].reversals.K_F == 0.0
+
+
+def test_the_constants_in_the_package_are_those_that_were_measured():
+    table = pandas.read_csv(f"{results_folder('hidden_state')}/constants.csv", index_col="constant")
+    e = np.array([0.6, 0.7, 0.8])
+    assert table.loc["K", ["e = 0.6", "e = 0.7"]].tolist() == pytest.approx([TERMS.K_F, TERMS.Z_F], rel=1e-4)
+    np.testing.assert_allclose(TERMS.F_0 + TERMS.F_e * e, table.loc["F_c"].to_numpy(float), rtol=1e-3)
+    np.testing.assert_allclose(TERMS.A_0 + TERMS.A_e * e, table.loc["A_c"].to_numpy(float), rtol=1e-3)
 
 
 def test_the_two_forms_hold_the_mean_stress(of_model):
