@@ -172,6 +172,11 @@ def fitted_memory(tests: Sequence[Test], peers: Mapping[str, RateLaw], constants
     return pandas.DataFrame(rows, columns=["law", "constant", "stored", "fitted"])
 
 
+def with_forms(model: Model, constants: Constants) -> Model:
+    """The model with both forms."""
+    return dataclasses.replace(model, reversals=constants.reversals())
+
+
 def contestants(
     models: dict[str, Model], peers: dict[str, RateLaw], memory: pandas.DataFrame, constants: Constants
 ) -> dict[str, ConstitutiveLaw]:
@@ -180,8 +185,8 @@ def contestants(
     for name, own in memory.groupby("law", sort=False):
         values = dict(zip(own["constant"], own["fitted"], strict=True))
         fitted[f"{name}, reversals"] = type(peers[str(name)])(**{**peers[str(name)].values, **values})
-    forms = dataclasses.replace(models["calibrated"], reversals=constants.reversals())
-    return {**models, FORMS: forms, **peers, **fitted, WITH_FABRIC: peers["acst"]}
+    forms = {FORMS: with_forms(models["calibrated"], constants)}
+    return {**models, **forms, **peers, **fitted, WITH_FABRIC: peers["acst"]}
 
 
 def contest(

@@ -17,6 +17,7 @@ from analysis.hidden_state.nearest import compared, differences, pairs_of, ranki
 from analysis.hidden_state.table import Test, gather, read, states_of
 from analysis.hidden_state.twins import make_pairs
 from analysis.study import Figures, StoredTables, Study, Tables, Values
+from labkit.files import write_with_provenance
 from labkit.model import ConstitutiveLaw
 
 HELD = ("small", "large", "loops", "compression", "extension", "turn", "again")  # tests at held p, of the law
@@ -62,7 +63,7 @@ class HiddenState(Study):
         return read(file)
 
     def main(self, options: argparse.Namespace, command: str) -> int:
-        self.parts = options.tables
+        self.parts, self.command = options.tables, command
         return super().main(options, command)
 
     def tables(self, data: list[Test]) -> Tables:
@@ -76,6 +77,10 @@ class HiddenState(Study):
             made |= {"twins": equal.reached(pairs), "twin_rates": equal.compared_rates(pairs)}
             made["twin_ranking"] = equal.ranked(pairs)
         if "forms" in self.parts:
+            forms = contest.with_forms(own_models()["calibrated"], constants)
+            write_with_provenance(
+                self.folder / "two_forms.json", forms.to_json(), [self.folder / self.data], self.command
+            )
             made |= of_forms(data, constants) | {"slopes": law.slopes(data), "stiffness": fit}
         if "memory" in self.parts:
             made["memory"] = contest.fitted_memory(data, peer_laws(), constants)
