@@ -63,7 +63,7 @@ def peer_laws() -> dict[str, RateLaw]:
 
 
 def predictions(tests: Sequence[Test], laws: Mapping[str, ConstitutiveLaw], constants: Constants) -> pandas.DataFrame:
-    """The rows of the grains, and the same with `least` of each law; NaN if a law is undefined there."""
+    """The rows of the grains, and the labels, e and `least` of each law; NaN if a law is undefined there."""
     grains = of_grains(tests)
     by_name = {(test.density, test.seed, test.name): test for test in tests}
     rows = [grains]
@@ -75,7 +75,8 @@ def predictions(tests: Sequence[Test], laws: Mapping[str, ConstitutiveLaw], cons
             y = vector_of(name, law, test, constants)
             vectors = Point(law, path, y, Adaptive(), STRAIN / 60.0).result(None).vector
             p = mean_stress(np.array([law.stress(vector) for vector in vectors]))
-            rows.append(pandas.DataFrame([row | {"model": name, "least": max(float((p / p[0]).min()), LEAST)}]))
+            labels = {key: row[key] for key in ("density", "seed", "before", "direction", "e")}
+            rows.append(pandas.DataFrame([labels | {"model": name, "least": max(float((p / p[0]).min()), LEAST)}]))
     return pandas.concat(rows, ignore_index=True)
 
 
