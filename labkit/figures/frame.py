@@ -121,7 +121,7 @@ def strain_axis(run: xarray.Dataset, at_snapshots: bool = False) -> tuple[str, n
 
     The values are at every record or, if `at_snapshots`, at the snapshots.
     """
-    return as_axis(run.lab.abscissa(), run["record"].values if at_snapshots else slice(None))
+    return as_axis(run.lab.abscissa(), run.lab.snapshot_records() if at_snapshots else slice(None))
 
 
 def snapshot_to_draw(run: xarray.Dataset, number: int) -> Snapshot:
@@ -134,8 +134,9 @@ def snapshot_to_draw(run: xarray.Dataset, number: int) -> Snapshot:
 
 def where(run: xarray.Dataset, snapshot: int) -> str:
     """Describe a snapshot by the strain of the path or the number of cycles."""
-    value, name = run.lab.abscissa()[run["record"].values[snapshot]], run.lab.abscissa().attrs["long_name"]
-    return f"{float(value):.2f} cycles" if value.name == "cycles" else f"{100 * float(value):.1f} % {name}"
+    abscissa = run.lab.abscissa()
+    value, name = float(abscissa[run.lab.snapshot_records()[snapshot]]), abscissa.attrs["long_name"]
+    return f"{value:.2f} cycles" if abscissa.name == "cycles" else f"{100 * value:.1f} % {name}"
 
 
 def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, np.ndarray]:

@@ -142,7 +142,7 @@ def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     strain = run.lab.strain_measure.name
     _draw_rates(left, changes, strain)
     _draw_lifetimes(middle, lives, strain)
-    q = np.abs(run.lab.q().values[run["record"].values])
+    q = np.abs(run.lab.q().values[run.lab.snapshot_records()])
     _draw_strong(right, 100 * changes["accumulated_strain"].values, strong, q, strain)
     for panel in panels:
         panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize="small")

@@ -71,7 +71,19 @@ class Lab(OfRecords):
 
     def at_snapshots(self, name: str) -> xr.DataArray:
         """Return the values of a recorded variable at the snapshots, dimension `snapshot`."""
-        return self._run[name].isel(time=self._run["record"])
+        return self._run[name].isel(time=self._run["record"].copy(data=self.snapshot_records()))
+
+    def snapshot_records(self) -> np.ndarray:
+        """Return the index along `time` of the record of each snapshot, (snapshot,), also in a selection of records.
+
+        Raises InputError if the selection lacks the record of a snapshot.
+        """
+        records = self._find_records()
+        if (missing := np.flatnonzero(records < 0)).size:
+            holds = [int(k) for k in np.flatnonzero(records >= 0)]
+            problem = f"this selection of records lacks those of snapshots {', '.join(map(str, missing))}"
+            raise InputError(f"{problem}: select the other snapshots too, run.isel(time=..., snapshot={holds})")
+        return records
 
     def to_dataframe(self, units: bool = False) -> pandas.DataFrame:
         """Return the records as a pandas.DataFrame, one row per record; contacts and grains are not read.
@@ -328,14 +340,13 @@ class Lab(OfRecords):
 
     def _accumulated_at_snapshots(self) -> np.ndarray:
         """Return the accumulated strain of the path at each snapshot, which also grows after reversals."""
-        return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
+        return self.strain_measure.accumulate(self._run["strain"].values)[self.snapshot_records()]
 
     def _snapshot_coordinates(self) -> dict[str, object]:
-        axial, record = self._run["snapshot_strain"].values, self._run["record"].values
-        coordinates: dict[str, object] = {"axial_strain": ("snapshot", axial)}
-        fits = (record < self._run.sizes["time"]).all()
-        if fits and np.array_equal(self._run["axial_strain"].values[record], axial):  # if no records were selected
-            coordinates["strain"] = ("snapshot", self.strain().values[record])
+        records = self._find_records()
+        coordinates: dict[str, object] = {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
+        if (records >= 0).all():
+            coordinates["strain"] = ("snapshot", self.strain().values[records])
         return coordinates
 
 

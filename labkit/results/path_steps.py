@@ -16,7 +16,7 @@ RANGE = re.compile(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?")
 
 
 def records_of_steps(
-    run: xarray.Dataset, path: Path | None, reference: np.ndarray | None, step: int | str
+    run: xarray.Dataset, record: np.ndarray, path: Path | None, reference: np.ndarray | None, step: int | str
 ) -> xarray.Dataset:
     """Return the records and snapshots of some steps; the first record is the last one of the step before.
 
@@ -25,7 +25,8 @@ def records_of_steps(
 
     Args:
         run: Run opened with labkit.open_run.
-        path: Its path.
+        record: Index of the record of each snapshot, (snapshot,); -1 if the run lacks it.
+        path: Path of the run.
         reference: Stress at the start of undrained loading (labkit.quantities.scalars.Facts.reference).
         step: Number of the step, from 1, or the first and the last of several, `4-18`.
     """
@@ -39,14 +40,14 @@ def records_of_steps(
         raise InputError("is not a step of this run", field="step", value=step, allowed=allowed)
     at = np.flatnonzero((number >= first) & (number <= last))
     begin, end = max(int(at[0]) - 1, 0), int(at[-1]) + 1
-    record = run["record"].values
-    part = run.isel(time=slice(begin, end), snapshot=np.flatnonzero((record >= begin) & (record < end)))
+    snapshots = np.flatnonzero((record >= begin) & (record < end))
+    part = run.isel(time=slice(begin, end), snapshot=snapshots)
     parameters = json.loads(run.attrs["path_parameters"])
     parameters["steps"] = [parameters["steps"][which] for which in path.order[first - 1 : last]]
     before = np.zeros(9) if reference is None else np.broadcast_to(reference, (len(number), 3, 3))[at[0]].ravel()
     earlier = part["path_step"] < first
     return part.assign(
-        record=part["record"] - begin,
+        record=part["record"].copy(data=record[snapshots] - begin),
         path_step=part["path_step"].where(~earlier, first) - (first - 1.0),
         path_step_progress=part["path_step_progress"].where(~earlier, 0.0),
     ).assign_attrs(

@@ -173,7 +173,7 @@ def _check_equations(run: xarray.Dataset) -> Iterator[Finding]:
 def _with_equation_by_volume(run: xarray.Dataset) -> xarray.Dataset:
     """Return the records with snapshots and the equation by volume, computed from their contacts."""
     stress = run.lab.sff_stress_by_volume().values
-    return run.isel(time=run["record"].values).assign({BY_VOLUME: (("time", "i", "j"), stress)})
+    return run.isel(time=run.lab.snapshot_records()).assign({BY_VOLUME: (("time", "i", "j"), stress)})
 
 
 def _errors_of(
