@@ -20,6 +20,7 @@ from labkit.parameters import Values
 from labkit.plugins import missing
 from labkit.process import streams
 from labkit.process.interruption import end_on_signals
+from labkit.text.foreign import noting_files
 from labkit.version import __version__
 
 DESCRIPTION = "A virtual laboratory for granular soil: makes specimens, tests them and analyses the results."
@@ -42,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def report_errors(work: Callable[[], int]) -> int:
     """Call a function that returns an exit code, and report an error in one line; returns the exit code."""
-    with _settings():
+    with _settings(), noting_files():
         code = _run_and_report(work)
         full = streams.flush_output()
         return code if full is None else fail(f"standard output: {full.strerror}", code or 1)

@@ -116,7 +116,7 @@ def model_command(
     from labkit.records.limits import exceeded_limits
 
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
-    kind, written, _ = named_path(word)
+    kind, written = named_path(word)
     file_pressure = written.pop("pressure", None)
     if file_pressure is not None:
         field = "stop_pressure" if stops_at_pressure(kind) else "pressure"

@@ -12,7 +12,6 @@ from labkit.engines.device import Device
 from labkit.errors import InputError
 from labkit.files.writable import require_writable
 from labkit.grains.bonds import bond
-from labkit.grains.grading import curve_in
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state, write_state
@@ -76,10 +75,7 @@ def specimen_task(
     scene = Scene(**{"time_step_factor": chosen.time_step_factor, **material})
     specimen = Recipe(**size)
     output = output or specimen_name(specimen, scene)
-    files = curve_in(material.get("grading", ""))
-    return SpecimenTask(
-        recipe=specimen, material=scene, output=output, history=history, device=computation, files=files
-    )
+    return SpecimenTask(recipe=specimen, material=scene, output=output, history=history, device=computation)
 
 
 @command("specimen")
@@ -166,7 +162,7 @@ def run_task(
 ) -> RunTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
     word = arguments.require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
-    kind, written, files = named_path(word)
+    kind, written = named_path(word)
     source, state = specimen.read()
     settings, device = working
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
@@ -182,7 +178,6 @@ def run_task(
         output=output or run_name(word, source, kind, loading, material, settings),
         history=history,
         device=device,
-        files=files,
     )
 
 
@@ -203,7 +198,7 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     execute_and_report(task)
 
 
-def named_path(word: str) -> tuple[type[Path], Values, tuple[str, ...]]:
+def named_path(word: str) -> tuple[type[Path], Values]:
     """Return the path class that `word` names, or what `path_values` reads from the path file `word`."""
     if word.endswith(".nc"):
         raise InputError(
@@ -211,4 +206,4 @@ def named_path(word: str) -> tuple[type[Path], Values, tuple[str, ...]]:
         )
     from labkit.paths.path_file import is_path_file, path_values
 
-    return path_values(word) if is_path_file(word) else (PATHS.require(word), {}, ())
+    return path_values(word) if is_path_file(word) else (PATHS.require(word), {})

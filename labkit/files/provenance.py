@@ -28,7 +28,7 @@ from labkit.files.hashes import Name, file_sha256
 from labkit.files.netcdf import attribute_of, hash_verdicts, labkit_kind
 from labkit.files.schema import is_provenance
 from labkit.parameters import Values
-from labkit.text.foreign import require_regular
+from labkit.text.foreign import noted_files, require_regular
 from labkit.version import __version__
 
 BESIDE = ".provenance.json"  # suffix of the file with the provenance of a table or a page
@@ -47,12 +47,14 @@ def provenance_json(
 
     Args:
         command: Command as typed (default: the command of this process).
-        inputs: Files that were read; their names are stored relative to the folder of the output.
+        inputs: Files that were read, apart from text files that a command read (labkit.text.foreign.noting_files);
+            names are stored relative to the folder of the output.
         output: File being created.
         seed: Random seed.
         task: What was done, e.g. specimen or consolidation.
     """
     folder = Path(os.path.realpath(output)).parent if output else Path.cwd()
+    files = dict.fromkeys(map(os.path.realpath, inputs), "") | noted_files()
     record: dict[str, object] = {
         "command": command or shlex.join(["labkit", *sys.argv[1:]]),
         "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -62,7 +64,8 @@ def provenance_json(
         "libraries": libraries(),
         "machine": machine(),
         "inputs": [
-            {"file": os.path.relpath(os.path.realpath(file), folder), "sha256": file_sha256(file)} for file in inputs
+            {"file": os.path.relpath(file, folder), "sha256": sha256 or file_sha256(file)}
+            for file, sha256 in files.items()
         ],
     }
     if seed is not None:

@@ -242,12 +242,6 @@ GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Logn
 FILE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)  # a path may contain blanks
 
 
-def curve_in(text: str) -> tuple[str, ...]:
-    """Return the CSV file that the text of a grading names, as a tuple; empty if it names none."""
-    table = FILE.fullmatch(text)
-    return () if table is None else (table[1],)
-
-
 def read_grading(text: str) -> Grading:
     """Return the Grading that a text or a CSV file describes (formats: see the module). Raises InputError."""
     if not text.strip():

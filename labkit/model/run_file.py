@@ -28,7 +28,7 @@ from labkit.parameters import Values
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
 from labkit.results.without_grains import complete_records, records_as_run, write_records
-from labkit.text.foreign import content_of
+from labkit.text.foreign import content_of, note_file
 
 MODEL_ENGINE = "model"
 
@@ -118,6 +118,7 @@ def read_model(file: str | os.PathLike[str] | None) -> Model:
         ) from None
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
+    note_file(file)
     if has_changed(file):
         notice(f"{file} has changed since labkit wrote it")
     return model
@@ -137,6 +138,7 @@ def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
         stored = json.loads(content_of(Path(file)))
         if stored["law"] != name:
             raise InputError(f"{file} holds parameters of {stored['law']}: give --model {stored['law']}")
+        note_file(file)
         values: Values = stored["parameters"]
         return kind(**values)
     except (OSError, ValueError, KeyError, TypeError) as error:

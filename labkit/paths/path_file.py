@@ -53,12 +53,12 @@ def is_path_file(name: str) -> bool:
 def read_path(file: str | os.PathLike[str]) -> Path:
     """Read the loading path in a path file. Raises InputError with every error and its line."""
     require_file_name(file, "labkit.read_path('path.yaml')")
-    kind, values, _ = path_values(file)
+    kind, values = path_values(file)
     return make_path(kind.name, values)
 
 
-def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], Values, tuple[str, ...]]:
-    """Return the path class that a path file names, the parameter values in SI units, and all files that were read.
+def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], Values]:
+    """Return the path class that a path file names, and the parameter values in SI units.
 
     Raises InputError with every error and its line.
     """
@@ -67,7 +67,7 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], Values, tuple
     values = None if root is None else _values(root, errors)
     if values is None or errors.count:
         raise InputError(errors.report(file))
-    return (*values, (str(file), *map(str, errors.files)))
+    return values
 
 
 def _values(root: Block, errors: Errors) -> tuple[type[Path], Values] | None:
@@ -167,7 +167,6 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
             fields.error("has increments and a table: give one of them")
         else:
             changes = fields.attempt(lambda: _read_table(file, absolute)) or changes
-            errors.files.append(file)
     elif errors.count == before and not (changes["stress"] or changes["strain"]):
         fields.error("changes nothing: give `stress`, `strain` or `table`, e.g. strain: {zz: 2 %}")
     if errors.count > before:

@@ -56,7 +56,6 @@ class Task(abc.ABC, Generic[Result]):
         device: Engine, with threads or ranks and precision.
         output: File to write.
         history: Command to record.
-        files: Files from which the task was read, such as a path file or a sieve curve.
 
     Raises:
         InputError: If the task is impossible or its output cannot be written.
@@ -65,7 +64,6 @@ class Task(abc.ABC, Generic[Result]):
     device: Device = dataclasses.field(default_factory=Device)
     output: str | None = None
     history: str = ""
-    files: tuple[str, ...] = ()
 
     writes: ClassVar[str] = "state"  # kind of the output
 
@@ -77,7 +75,7 @@ class Task(abc.ABC, Generic[Result]):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Input files, for the provenance; none of them is overwritten."""
-        return self.files
+        return ()
 
     @property
     @abc.abstractmethod
@@ -171,7 +169,7 @@ class StateTask(Task[Result]):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Input files, for the provenance."""
-        return self.files if self.source is None else (self.source, *self.files)
+        return () if self.source is None else (self.source,)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

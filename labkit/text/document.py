@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from labkit.errors import InputError, nearest
 from labkit.parameters import Parameter, Values
 from labkit.process.extras import install_command
-from labkit.text.foreign import require_regular
+from labkit.text.foreign import note_file, require_regular
 from labkit.text.labels import label_of, label_rows
 
 if TYPE_CHECKING:
@@ -27,11 +27,11 @@ Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines; `files` are further files that were read, relative to its `folder`."""
+    """The errors in a file, with their lines; files that it names are relative to its `folder`."""
 
     def __init__(self, folder: Path) -> None:
         """Start without errors."""
-        self.folder, self.files = folder, list[Path]()
+        self.folder = folder
         self.all: dict[tuple[int, str], None] = {}
 
     def add(self, line: int, text: str) -> None:
@@ -70,6 +70,7 @@ def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
         require_regular(file, f"give a {kind.name} file")
         if file.stat().st_size > MOST_BYTES:
             raise InputError(f"{file} has more than {MOST_BYTES / 1e6:g} MB: give a {kind.name} file, see {kind.page}")
+        note_file(file)
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise InputError(f"{file} is not UTF-8 text: give a {kind.name} file, see {kind.page}") from None

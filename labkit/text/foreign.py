@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import gzip
 import os
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from labkit.errors import InputError
 
 MOST_RATIO = 100  # largest ratio of the decompressed size to the size of the file
 FREE = 100_000_000  # a file of any size may expand to this number of bytes
+_noted: list[dict[str, str]] = []  # of commands, the innermost last
+
+
+@contextlib.contextmanager
+def noting_files(files: Mapping[str, str] = {}) -> Iterator[None]:
+    """Context of a command: notes the text files that it reads, which the provenance of its results lists.
+
+    `files` were read before, path -> SHA-256.
+    """
+    _noted.append({**files})
+    try:
+        yield
+    finally:
+        _noted.pop()
+
+
+def note_file(file: str | os.PathLike[str]) -> None:
+    """Note that the command has read a file."""
+    if _noted:
+        _noted[-1].setdefault(os.path.realpath(file), "")
+
+
+def noted_files() -> dict[str, str]:
+    """Return the text files that the command has read, path -> SHA-256, or an empty text if it is not known."""
+    return {**_noted[-1]} if _noted else {}
 
 
 def require_regular(file: str | os.PathLike[str], instead: str = "give another file") -> None:

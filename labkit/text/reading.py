@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.text.foreign import content_of
+from labkit.text.foreign import content_of, note_file
 
 MARKS = {  # mark at the start of a file -> its encoding
     codecs.BOM_UTF8: "utf-8-sig",
@@ -79,6 +79,7 @@ def text_of(file: Path, instead: str = "give another file or another --format", 
         content = content_of(file)
     except OSError as error:
         raise InputError(f"{file} cannot be read ({error.strerror}): {instead}") from None
+    note_file(file)
     kind = next((what for start, what in OTHERS.items() if content.startswith(start)), None)
     if kind is not None:
         raise InputError(f"{file} is {kind}")

@@ -14,6 +14,7 @@ from PIL.PngImagePlugin import PngInfo
 import labkit as lk
 from labkit.files import provenance
 from labkit.grains.state import grains_in_cell
+from labkit.model import Model
 from tests.changed import changed
 
 pytestmark = pytest.mark.slow
@@ -138,9 +139,23 @@ def test_path_files_their_tables_and_sieve_curves_are_inputs(soft_specimen, labk
     (tmp_path / "curve.csv").write_text("diameter_mm,passing_percent\n0.1,0\n0.2,100\n")
     run = ["run", "p.yaml", "s.state.nc", "--settings", "quick", "-o", "r.run.nc"]
     made = ["specimen", "--void-ratio", 0.6, "--grains", 150, "--grading", "curve.csv", "-o", "c.state.nc"]
+    (tmp_path / "m.json").write_text(Model().to_json())
+    on_model = ["model", "p.yaml", "--void-ratio", 0.67, "--pressure", "100kPa", "--parameters", "m.json"]
+    measured = ["measured", "p.yaml", "lab.csv", "--void-ratio", 0.6, "--strain-kind", "engineering"]
+    measured += ["--stress-kind", "effective", "--source", "x", "--licence", "y"]
+    measured += ["--column", "axial_strain=e:%:compression"]
+    measured += ["axial_stress=s1:kPa:compression", "radial_stress=s3:kPa:compression"]
+    (tmp_path / "lab.csv").write_text("e,s1,s3\n0,100,100\n1,150,100\n2,160,100\n")
     for words, output, inputs in (
         (run, "r.run.nc", ["s.state.nc", "p.yaml", "t.csv"]),
         (made, "c.state.nc", ["curve.csv"]),
+        ([*on_model, "-o", "m.run.nc"], "m.run.nc", ["p.yaml", "t.csv", "m.json"]),
+        ([*measured, "-o", "l.run.nc"], "l.run.nc", ["p.yaml", "t.csv", "lab.csv"]),
+        (["figure", "records", "r.run.nc", "-o", "f.png"], "f.png", ["r.run.nc"]),
     ):
-        assert labkit_command(*words, cwd=tmp_path).returncode == 0
+        done = labkit_command(*words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
         assert [row["file"] for row in provenance.provenance_of(tmp_path / output)["inputs"]] == inputs
+    assert set(dict(provenance.check(tmp_path / "m.run.nc")).values()) == {"same"}
+    path = lk.read_path(tmp_path / "p.yaml")  # outside a command, what else was read is not known to be an input
+    assert lk.run(soft_specimen, path, progress=False).provenance["inputs"] == []

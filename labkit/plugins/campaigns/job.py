@@ -23,7 +23,7 @@ from labkit.errors import InputError, fail
 from labkit.files.atomic import open_log, require_no_link
 from labkit.plugins.campaigns import layout
 from labkit.process.interruption import die_with_parent
-from labkit.text.foreign import content_of
+from labkit.text.foreign import content_of, noting_files
 
 if TYPE_CHECKING:
     from labkit.plugins.campaigns.jobs import Job
@@ -88,7 +88,8 @@ def execute_job(row: layout.Row) -> int:
     job = read_job(row)
     output = layout.unfinished_of(row, job.digest)
     require_no_link(output)
-    execute_and_report(job.task(output))
+    with noting_files(job.files):
+        execute_and_report(job.task(output))
     layout.leave_the_future([layout.recipe_of(row), *filter(None, [job.source])])
     os.replace(output, layout.output_of(row))
     for other in glob(layout.unfinished_of(row, "?" * 12)):

@@ -49,6 +49,7 @@ class Job:
         specimen: Name that the user gave the specimen in `source`.
         basis: Digest of the job that makes `source`, and hashes of the user's files on which the result depends.
         use: The user's files to load first.
+        files: Text files from which the job was planned, such as a sieve curve, path -> SHA-256, for provenance.
         command: Equivalent command, for people.
     """
 
@@ -65,6 +66,7 @@ class Job:
     specimen: str = ""
     basis: tuple[str, ...] = ()
     use: tuple[str, ...] = ()
+    files: Mapping[str, str] = dataclasses.field(default_factory=dict)
     command: str = ""
 
     @property
@@ -116,7 +118,7 @@ class Job:
 
     def to_json(self) -> str:
         """Return the job as JSON."""
-        about = {name: getattr(self, name) for name in ABOUT}
+        about = {name: getattr(self, name) for name in ABOUT} | ({"files": self.files} if self.files else {})
         return json.dumps({"kind": self.kind, **about, "task": self._values(), "digest": self.digest}, indent=1) + "\n"
 
     @classmethod
@@ -129,6 +131,7 @@ class Job:
             task["recipe"] = {"cell": BEFORE, **task["recipe"]}
             task["cell"] = task["recipe"]["cell"]
         parts = {name: kind(**task.pop(name)) for name, kind in PARTS.items() if name in task}
+        about["files"] = values.get("files", {})
         return cls(**about, **parts, **task, path=PATHS.require(path.pop("name"))(**path) if path else None)
 
     def task(self, output: str) -> SpecimenTask | ConsolidationTask | RunTask:

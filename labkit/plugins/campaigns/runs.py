@@ -22,6 +22,7 @@ from labkit.records.schedule import Options
 from labkit.simulation.clock import require_one_rate
 from labkit.simulation.cost import schedule_of
 from labkit.text.document import Block, Entry, Errors, Fields, Node, Text, similar
+from labkit.text.foreign import noting_files
 
 MOST_RUNS = 10_000
 EXPANDED = "pressure"  # the parameter of a path that accepts a list of values
@@ -36,22 +37,30 @@ def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> lis
     """
     runs: list[tuple[Job, int]] = []
     for entry in section:
-        name, line, node = entry
-        kind = _path_of(node)
-        fields = keys.read_entry(entry, "run", keys.run_keys(kind), errors, [STEPS] * (kind is Steps))
-        if kind is Steps:
-            read_steps(node, fields, f"{fields.where}: {STEPS}")
-        added: list[Job] = []
-        for suffix, expanded in fields.combinations(keys.MULTIPLIED["runs"]):
-            added += _runs(name + suffix, kind, expanded, planner)
-            if len(runs) + len(added) > MOST_RUNS:
-                problem = f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them"
-                errors.add(line, problem)
-                return []
-        runs += [(run, fields.line) for run in added]
-        planner.groups.setdefault(name, added)
+        with noting_files():
+            runs += _read_entry(entry, planner, errors)
+        if len(runs) > MOST_RUNS:
+            problem = f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them"
+            errors.add(entry.line, problem)
+            return []
     require_unique(runs, "run", errors)
     return [*planner.prepared.values(), *(run for run, _ in runs)]
+
+
+def _read_entry(entry: Entry, planner: Planner, errors: Errors) -> list[tuple[Job, int]]:
+    """Return the runs of an entry with their line; at most a few more than MOST_RUNS."""
+    name, _, node = entry
+    kind = _path_of(node)
+    fields = keys.read_entry(entry, "run", keys.run_keys(kind), errors, [STEPS] * (kind is Steps))
+    if kind is Steps:
+        read_steps(node, fields, f"{fields.where}: {STEPS}")
+    added: list[Job] = []
+    for suffix, expanded in fields.combinations(keys.MULTIPLIED["runs"]):
+        added += _runs(name + suffix, kind, expanded, planner)
+        if len(added) > MOST_RUNS:
+            break
+    planner.groups.setdefault(name, added)
+    return [(run, fields.line) for run in added]
 
 
 def _path_of(node: Node) -> type[Path] | None:

@@ -13,6 +13,7 @@ from typing import Any
 from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits
+from labkit.files.hashes import file_sha256
 from labkit.grains.scene import Scene
 from labkit.parameters import Values
 from labkit.paths.path import Path
@@ -23,6 +24,7 @@ from labkit.plugins.campaigns.layout import output_of
 from labkit.records.limits import require_pressure
 from labkit.specimens.recipe import SETTINGS, Recipe, Settings, side_for
 from labkit.text.document import Block, Entry, Errors, Fields, read_fields, similar
+from labkit.text.foreign import noted_files, noting_files
 
 LONGEST_LOOP = 10  # largest number of names to show when specimens are derived from each other
 
@@ -56,7 +58,8 @@ class Planner:
         basis = (() if source is None else (source.digest,)) + (self.hashes if depends else ())
         if source is not None:
             what |= {"source": output_of(source), "grains": source.grains}
-        job = Job(name=name, device=device, scene=scene, basis=basis, use=self.use, **what)
+        files = {} if "pressure" in what else {file: file_sha256(file) for file in noted_files()}  # of the entry
+        job = Job(name=name, device=device, scene=scene, basis=basis, use=self.use, files=files, **what)
         words = ["labkit", *words_of(job, None if source is None else source.scene), "-o", output_of(job)]
         return dataclasses.replace(job, command=shlex.join(words))
 
@@ -90,7 +93,8 @@ def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -
             continue
         fields = keys.read_entry(entry, "specimen", keys.specimen_keys(), errors)
         combined = fields.combinations(keys.MULTIPLIED["specimens"])
-        groups[name] = [job for suffix, expanded in combined for job in _specimens(name + suffix, expanded, planner)]
+        with noting_files():
+            groups[name] = [job for suffix, each in combined for job in _specimens(name + suffix, each, planner)]
     for name in _sources_first(others, errors):
         jobs = _consolidations(name, others[name], planner)
         del groups[name]  # moves the entry to the end

@@ -90,7 +90,7 @@ def measured_command(
             --licence "CC BY 4.0" -o tmd2.run.nc
     """
     require_writable(output, "run")
-    kind, written, _ = named_path(path)
+    kind, written = named_path(path)
     for name in sorted(loading.keys() - parameters_of(kind).keys()):
         raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
     test = kind(**{**written, **loading})

@@ -17,6 +17,8 @@ import pytest
 import labkit
 from labkit.cli import main
 from labkit.errors import Interrupted
+from labkit.files.hashes import file_sha256
+from labkit.files.provenance import provenance_of
 from labkit.plugins.campaigns import workflow
 from labkit.plugins.campaigns.file import read_campaign
 from labkit.plugins.campaigns.job import run_job
@@ -109,6 +111,28 @@ def test_every_output_has_its_provenance(finished, labkit_command):
             assert label in done.stdout, (file, label)
         assert "differs" not in done.stdout and "missing" not in done.stdout
     assert "at-p500kPa-fused.state.nc sha256:" in labkit_command("info", "runs/cp.run.nc", cwd=finished / "tiny").stdout
+
+
+def test_files_that_an_entry_reads_are_inputs_of_its_jobs(tmp_path, labkit_command):
+    (tmp_path / "t.csv").write_text("strain_zz [%]\n0\n0.1\n")
+    (tmp_path / "curve.csv").write_text("diameter_mm,passing_percent\n0.1,0\n0.2,100\n")
+    (tmp_path / "c.yaml").write_text(
+        "settings: quick\nengine: fused\n"
+        "specimens: {a: {void_ratio: 0.6, grains: 150, grading: curve.csv}}\n"
+        "runs:\n  b: {path: steps, specimen: a, steps: [{table: t.csv}]}\n  c: {path: cv, specimen: a, strain: 0.001}\n"
+    )
+    done = labkit_command("campaign", "c.yaml", "--folder", "made", cwd=tmp_path)
+    assert done.returncode in (0, 1), done.stderr  # 1: few grains exceed limits
+    hashes = {name: file_sha256(tmp_path / name) for name in ("t.csv", "curve.csv")}
+    (tmp_path / "t.csv").unlink()  # the hash is that of the file from which the campaign was planned
+    for output, inputs in {
+        "specimens/a.state.nc": ["../../curve.csv"],
+        "runs/b.run.nc": ["../specimens/a.state.nc", "../../t.csv"],
+        "runs/c.run.nc": ["../specimens/a.state.nc"],
+    }.items():
+        listed = provenance_of(tmp_path / "made" / output)["inputs"]
+        assert [row["file"] for row in listed] == inputs
+        assert all(row["sha256"] == hashes[Path(row["file"]).name] for row in listed if row["file"].endswith("csv"))
 
 
 def test_changed_parameters_repeat_what_depends_on_them_and_a_run_goes_on_from_another(place, labkit_command):
