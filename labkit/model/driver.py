@@ -28,7 +28,7 @@ from labkit.quantities.recorded import quantity
 from labkit.servo.reach import met_at_start, refusal
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
-PARTS = 10  # parts of a span between records, in each of which a varying control is constant
+PARTS = 10  # parts of a stretch between records, in each of which a varying control is constant
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
 
 
@@ -133,7 +133,7 @@ def drive(
 ) -> Result:
     """Load a state along a path (labkit.paths.standard); returns a Result.
 
-    Each span between two reversals is integrated separately, because the rates are discontinuous at a reversal. If the
+    Each stretch between two reversals is integrated by itself: the rates are discontinuous at a reversal. If the
     state leaves the domain of the equations, the result ends there and `failure` gives the reason. Raises InputError
     for an invalid initial state, and for a condition on a variable that the model does not have.
 
@@ -190,21 +190,21 @@ class Point(Material):
 
     def enter(self, number: int, step: Step) -> None:
         self.step, self.problem = step, Problem(self.model, control_of(step), self.floor)
-        self.origin = 0.0 if step.phase is None else self.total
+        self.origin = 0.0 if step.programme is None else self.total
         self.drain(step, self.last["stress"])
-        self.spans = self._spans()
+        self.stretches = self._stretches()
         if not self.rows:
             self._keep()
 
     def advance(self) -> Generator[object, object, Stop]:
-        span, completed = next(self.spans)
+        length, completed = next(self.stretches)
         calls = self.problem.calls
         try:
-            ended = self._advance(span)
+            ended = self._advance(length)
         except Failure as error:
             self.total += error.accumulated_strain
             condition = "" if self.step.held is None else f" ({self.path.name} holds {', '.join(self.step.held.names)})"
-            label = "" if self.step.phase is None else self.step.phase.label
+            label = "" if self.step.programme is None else self.step.programme.label
             self.failure = f"{label}{error}{condition}, after {self.total:.4%} strain"
             if error.accumulated_strain > 0.0:
                 self.y = error.y
@@ -224,11 +224,11 @@ class Point(Material):
     def arrive(self, stop: Stop, ending: Ending | None) -> None:
         self.last, self.endings = stop.record, self.endings.after(ending)
 
-    def _spans(self) -> Iterator[tuple[float, bool]]:
+    def _stretches(self) -> Iterator[tuple[float, bool]]:
         """Yield (strain to the next record, True if the step is then complete) for each record of a step."""
         step, interval = self.step, self.record_strain or self.path.record_strain
-        if step.phase is not None:
-            interval = step.phase.interval(self.record_strain, self.path.record_strain)
+        if step.programme is not None:
+            interval = step.programme.interval(self.record_strain, self.path.record_strain)
         if step.length is None:
             yield from itertools.repeat((interval, False))
             return
@@ -237,23 +237,23 @@ class Point(Material):
         yield step.length - interval * (records - 1), True
 
     def _keep(self) -> None:
-        phase = self.step.phase
-        self.rows.append((self.y, self.total, {} if phase is None else phase.progress(self.accumulated_strain)))
+        programme = self.step.programme
+        self.rows.append((self.y, self.total, {} if programme is None else programme.progress(self.accumulated_strain)))
 
-    def _advance(self, span: float) -> bool:
-        """Advance by `span`, or to the point at which a stress ends the step; returns True if a stress ended it."""
+    def _advance(self, length: float) -> bool:
+        """Advance by `length`, or to the point at which a stress ends the step; returns True if a stress ended it."""
         step, problem = self.step, self.problem
-        if step.phase is not None and step.phase.rests:
-            self.total += span
+        if step.programme is not None and step.programme.rests:
+            self.total += length
             return False
         if step.varies:
-            self._follow(span)
+            self._follow(length)
             return False
-        new = self.integrator.advance(problem, self.y, span)
+        new = self.integrator.advance(problem, self.y, length)
         if not step.ends_at(problem.stress(new)):
-            self.y, self.total = new, self.total + span
+            self.y, self.total = new, self.total + length
             return False
-        low, high = 0.0, span
+        low, high = 0.0, length
         while high - low > STOP_TOLERANCE:
             middle = 0.5 * (low + high)
             tried = self.integrator.advance(problem, self.y, middle)
@@ -264,24 +264,24 @@ class Point(Material):
         self.y, self.total = new, self.total + high
         return True
 
-    def _follow(self, span: float) -> None:
-        """Advance by `span` while the prescribed rates or the held stresses vary."""
-        end = self.total + span
+    def _follow(self, length: float) -> None:
+        """Advance by `length` while the prescribed rates or the held stresses vary."""
+        end = self.total + length
         while self.total < end:
             at = self.accumulated_strain
-            change = math.inf if self.step.phase is None else self.step.phase.next_change(at)
+            change = math.inf if self.step.programme is None else self.step.programme.next_change(at)
             part = min(end - self.total, max(change - at, STOP_TOLERANCE))
             last = end - self.total - part <= 1e-12 * end
             self._follow_part(part, at)
             self.total = end if last else self.total + part
 
-    def _follow_part(self, span: float, accumulated: float) -> None:
-        """Advance by `span` in PARTS parts while the prescribed rates or the held stresses vary.
+    def _follow_part(self, length: float, accumulated: float) -> None:
+        """Advance by `length` in PARTS parts while the prescribed rates or the held stresses vary.
 
         Within each part the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T - h), so
         T = h + (t - h)/(1 - exp(-GAIN ds)) brings h to the prescribed value t at the end of the part.
         """
-        part, y = span / PARTS, self.y
+        part, y = length / PARTS, self.y
         for k in range(PARTS):
             end = accumulated + (k + 1) * part
             control = control_of(self.step, end - 0.5 * part)

@@ -3,7 +3,7 @@
 The default is the Dormand-Prince 5(4) pair, compiled as one loop: Dormand and Prince, A family of embedded Runge-Kutta
 formulae, J. Comput. Appl. Math. 6 (1980) 19-26.
 
-An integrator advances the state vector of a Problem along a span of a path without reversal, where the rates are
+An integrator advances the state vector of a Problem along a stretch of a path without reversal, where the rates are
 smooth except for the change of branch in Eqs. 31 and 32. A step that leaves the domain of the equations, or that does
 not converge, raises PhysicsError stating where; nothing is clipped.
 """
@@ -36,12 +36,12 @@ NODES = np.array(
     ]
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-MOST_STEPS = 100_000  # largest number of steps in one span
+MOST_STEPS = 100_000  # largest number of steps in one stretch
 SMALLEST = 1e-13  # a step (strain, or fraction of an increment) below this size means that a boundary is reached
 
 
 class Failure(PhysicsError):
-    """A step failed: its status (labkit.model.rates), the last valid y, and the strain accumulated in the span."""
+    """A step failed: its status (labkit.model.rates), the last valid y, and the strain accumulated in the stretch."""
 
     def __init__(
         self, status: int, y: np.ndarray, accumulated_strain: float = 0.0, names: tuple[str, ...] = Model.leading
@@ -102,18 +102,18 @@ class Problem:
 
 
 class Integrator(abc.ABC):
-    """Advances a state vector along a span of a path."""
+    """Advances a state vector along a stretch of a path."""
 
     @abc.abstractmethod
-    def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        """Return the state vector after a strain of `span`; `y` is not modified.
+    def advance(self, problem: Problem, y: np.ndarray, length: float) -> np.ndarray:
+        """Return the state vector after a strain of `length`; `y` is not modified.
 
         Raises Failure where the equations are undefined.
         """
 
 
 class Adaptive(Integrator):
-    """Dormand-Prince 5(4), compiled, with error control; each span starts with the step length of the last span.
+    """Dormand-Prince 5(4), compiled, with error control; each stretch starts with the step length of the last.
 
     Raises InputError for a tolerance outside 1e-13 to 0.1.
 
@@ -128,8 +128,8 @@ class Adaptive(Integrator):
         self.tolerance = tolerance
         self.step = 1e-4
 
-    def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        new, numbers = np.array(y, float), np.array((span, self.step, self.tolerance, MOST_STEPS, 0.0))
+    def advance(self, problem: Problem, y: np.ndarray, length: float) -> np.ndarray:
+        new, numbers = np.array(y, float), np.array((length, self.step, self.tolerance, MOST_STEPS, 0.0))
         status = problem.call(_advance, new, numbers)
         accumulated_strain, step, _, _, steps = numbers.tolist()
         problem.calls += 6 * int(steps) + 1
@@ -140,16 +140,16 @@ class Adaptive(Integrator):
 
 
 class Stretch(NamedTuple):
-    """A span of a path, and the settings with which it is integrated.
+    """A stretch of a path, and the settings with which it is integrated.
 
     Args:
-        span: Strain to cover.
+        length: Strain to cover.
         step: Initial step length.
         tolerance: Error of a step, relative to each component or to its floor.
         most_steps: Largest number of steps.
     """
 
-    span: float
+    length: float
     step: float
     tolerance: float
     most_steps: float
@@ -164,9 +164,9 @@ def advance_adaptively(y: np.ndarray, stretch: Stretch, task: RateTask) -> tuple
     k, new, trial = task.stages[:7], task.stages[7], task.stages[8, : task.x.size]
     step, done, steps = stretch.step, 0.0, 0
     status = rates(y, task.control, task.x, task.constants, k[0], task.work)
-    while status == FINE and done < stretch.span:
-        last = done + step >= stretch.span * (1.0 - 1e-12)
-        h = stretch.span - done if last else step
+    while status == FINE and done < stretch.length:
+        last = done + step >= stretch.length * (1.0 - 1e-12)
+        h = stretch.length - done if last else step
         status = _try_step(y, h, task)
         if status != FINE:
             step = 0.25 * h
@@ -176,7 +176,7 @@ def advance_adaptively(y: np.ndarray, stretch: Stretch, task: RateTask) -> tuple
         error = _error_of(y, h, stretch.tolerance, task)
         factor = min(5.0, max(0.2, 0.9 * error**-0.2)) if error > 0.0 else 5.0
         if error <= 1.0:
-            done = stretch.span if last else done + h
+            done = stretch.length if last else done + h
             put(y, new)
             put(k[0], k[6])
             law_settle(y, task.constants)
@@ -221,7 +221,7 @@ def _error_of(y, h, tolerance, task):
 
 @entry
 def _advance(y: Pointer, numbers: Pointer, table: Table, n: int, k: int) -> int:
-    values = numbers_at(numbers, 5)  # a Stretch and the number of steps; the strain covered replaces the span
+    values = numbers_at(numbers, 5)  # a Stretch and the number of steps; the strain covered replaces the length
     stretch = Stretch(values[0], values[1], values[2], values[3])
     status, values[1], values[4], values[0] = advance_adaptively(numbers_at(y, n), stretch, task_at(table, n, k))
     return status

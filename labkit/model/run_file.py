@@ -49,12 +49,12 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
 
 def as_run(result: Result) -> xr.Dataset:
     """Return the Dataset that labkit.open_run would return for the run file of a Result, without writing a file."""
-    return records_as_run(records_of_result(result), _attributes(result, {}), _phases(result))
+    return records_as_run(records_of_result(result), _attributes(result, {}), _programme_rows(result))
 
 
-def _phases(result: Result) -> dict[str, Variable]:
+def _programme_rows(result: Result) -> dict[str, Variable]:
     """Return the variables that the run file of this Result has in addition to the variables of every run file."""
-    return PROGRESS if result.path.phases else {}
+    return PROGRESS if result.path.has_programmes else {}
 
 
 def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, object]:
@@ -93,7 +93,7 @@ def write_result(
         "steps": np.int64(result.calls),
     }
     title = "labkit run predicted by the constitutive model"
-    write_records(file, records_of_result(result), attributes, title, history, _phases(result))
+    write_records(file, records_of_result(result), attributes, title, history, _programme_rows(result))
 
 
 def model_of(run: xr.Dataset) -> Model | None:

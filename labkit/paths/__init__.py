@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from labkit.paths.element_tests import SimpleShearConstantVolume as SimpleShearConstantVolume
     from labkit.paths.element_tests import StressRotation as StressRotation
     from labkit.paths.element_tests import TrueTriaxial as TrueTriaxial
+    from labkit.paths.mixed_step import MixedStep as MixedStep
     from labkit.paths.path import Held as Held
     from labkit.paths.path import Path as Path
     from labkit.paths.path import StressPath as StressPath
-    from labkit.paths.phase import Phase as Phase
     from labkit.paths.probes import StrainProbe as StrainProbe
     from labkit.paths.probes import StressProbe as StressProbe
     from labkit.paths.registry import PATHS as PATHS

@@ -15,8 +15,8 @@ from labkit.errors import InputError
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
+from labkit.paths.mixed_step import components_of, tensors_of
 from labkit.paths.path import Held, Path, StressPath, rate_parameter
-from labkit.paths.phase import components_of, tensors_of
 from labkit.paths.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 
 SHEAR_XZ = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])  # SHEAR_XZ : sigma = sigma_xz

@@ -101,7 +101,7 @@ class Path(abc.ABC):
     axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or in shear: q is then the invariant
     cyclic: ClassVar[bool] = False  # True if two steps form a cycle: figures are drawn against the number of cycles
     record_strain: ClassVar[float] = 1e-3  # default accumulated strain between two records
-    phases: ClassVar[bool] = False  # True if the steps are phases; runs record the phase number and its progress
+    has_programmes: ClassVar[bool] = False  # True if the steps have programmes; runs record step number and progress
 
     def __post_init__(self) -> None:
         """Check the direction and every parameter. Raises InputError."""

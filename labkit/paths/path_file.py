@@ -29,8 +29,8 @@ import numpy as np
 
 from labkit.errors import InputError, require_file_name
 from labkit.parameters import Parameter, Values, options_of, parameter, parameters_of
+from labkit.paths.mixed_step import MixedStep
 from labkit.paths.path import Path
-from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.steps import MOST_STEPS, Steps
 from labkit.paths.variables import VARIABLES, Changes, increments
@@ -111,7 +111,7 @@ def read_steps(node: Node, fields: Fields, where: str) -> None:
         fields: Fields of the path.
         where: Name of the list in messages.
     """
-    before, steps = fields.errors.count, list[Phase]()
+    before, steps = fields.errors.count, list[MixedStep]()
     if not isinstance(node, Block) or STEPS not in node:
         fields.error(f"{STEPS} is missing: give a list of steps, see docs/paths.md")
     else:
@@ -123,7 +123,7 @@ def read_steps(node: Node, fields: Fields, where: str) -> None:
         fields.broken.add(STEPS)
 
 
-def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+def _read_list(node: Node, where: str, errors: Errors, steps: list[MixedStep], depth: int) -> list[int]:
     if not isinstance(node, Rows) or not node:
         errors.add(node.line, f"{where} is not a list of steps: write each step after a dash, see docs/paths.md")
         return []
@@ -137,7 +137,7 @@ def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth
     return order
 
 
-def _read_repeat(node: Block, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+def _read_repeat(node: Block, where: str, errors: Errors, steps: list[MixedStep], depth: int) -> list[int]:
     times = Parameter(REPEAT, kind=int, low=1, high=MOST_STEPS)
     fields = read_fields(node, {REPEAT: times}, where, errors, sections=(STEPS,))
     if STEPS not in node or depth == DEEPEST:
@@ -152,7 +152,7 @@ def _read_repeat(node: Block, where: str, errors: Errors, steps: list[Phase], de
     return once * number
 
 
-def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[int]:
+def _single(node: Node, where: str, errors: Errors, steps: list[MixedStep]) -> list[int]:
     before = errors.count
     fields = read_fields(node, parameters_of(_Keys), where, errors, sections=("stress", "strain"))
     parts = node if isinstance(node, Block) else Block()
@@ -172,10 +172,10 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
     if errors.count > before:
         return []
     values: Values = {"label": f"step in line {fields.line}", **changes, **fields.values}
-    phases = fields.attempt(lambda: increments(**values))
-    if phases is None:
+    step = fields.attempt(lambda: increments(**values))
+    if step is None:
         return []
-    steps.append(phases)
+    steps.append(step)
     return [len(steps) - 1]
 
 

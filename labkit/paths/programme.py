@@ -1,4 +1,4 @@
-"""The programme of a phase: prescribed rates and target stresses as functions of the accumulated strain."""
+"""The programme of a step of mixed control: rates and target stresses as functions of the accumulated strain."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from labkit.files.schema import Variable
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
-from labkit.paths.phase import Phase
+from labkit.paths.mixed_step import MixedStep
 from labkit.paths.step import Here, RecordMeets, Step, StrainReached
 
 LOST = 0.05  # fraction of the mean stress: a held stress with a larger deviation does not follow its target
@@ -24,19 +24,19 @@ PROGRESS = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Programme:
-    """A phase together with the stress at which it starts.
+    """A step of mixed control together with the stress at which it starts.
 
     Args:
-        phase: The increments.
+        mixed: The increments.
         number: Number of the step, from 0.
-        length: Accumulated strain of the phase.
+        length: Accumulated strain of the step.
         start: Stress at the start, six components in Mandel notation, Pa.
         knots: Accumulated strains at which `completed` rows are done, (m + 1,).
         completed: Numbers of rows completed at the knots, (m + 1,).
         least_pressure: Deviation from a target that is always accepted, Pa.
     """
 
-    phase: Phase
+    mixed: MixedStep
     number: int
     length: float
     start: np.ndarray
@@ -47,22 +47,22 @@ class Programme:
     @property
     def rests(self) -> bool:
         """True if neither strains nor stresses change, so that a material without viscosity does not change."""
-        return not any(self.phase.strain) and not any(self.phase.stress) and not self.phase.absolute
+        return not any(self.mixed.strain) and not any(self.mixed.stress) and not self.mixed.absolute
 
     @property
     def varies(self) -> bool:
         """True if the prescribed rates or the held stresses may change with the accumulated strain."""
-        return bool(self.phase.measured) or self.phase.rows > 1
+        return bool(self.mixed.measured) or self.mixed.rows > 1
 
     @property
     def label(self) -> str:
         """Name of the step at the start of a message, with a colon."""
-        return f"{self.phase.label or f'step {self.number + 1}'}: "
+        return f"{self.mixed.label or f'step {self.number + 1}'}: "
 
     @functools.cached_property
     def _flows(self) -> np.ndarray:
         """Prescribed velocity gradients between the knots, divided by the rate, (m, 3, 3)."""
-        total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(self.phase.strains, axis=0)])[self.completed]
+        total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(self.mixed.strains, axis=0)])[self.completed]
         return np.diff(total, axis=0) / np.diff(self.knots)[:, None, None]
 
     def _row(self, accumulated: float) -> int:
@@ -70,8 +70,8 @@ class Programme:
         return int(np.clip(np.searchsorted(self.knots, accumulated, side="right") - 1, 0, len(self.knots) - 2))
 
     def share(self, accumulated: float) -> float:
-        """Return the completed fraction of the phase."""
-        return float(np.interp(accumulated, self.knots, self.completed)) / self.phase.rows
+        """Return the completed fraction of the step."""
+        return float(np.interp(accumulated, self.knots, self.completed)) / self.mixed.rows
 
     def rates(self, accumulated: float) -> np.ndarray:
         """Return the prescribed velocity gradient divided by the rate, (3, 3)."""
@@ -79,7 +79,7 @@ class Programme:
 
     def target(self, accumulated: float) -> np.ndarray:
         """Return the targets of the held stresses, (k,), Pa."""
-        return self.phase.target_at(self.share(accumulated), self.phase.measure @ self.start)
+        return self.mixed.target_at(self.share(accumulated), self.mixed.measure @ self.start)
 
     def next_change(self, accumulated: float) -> float:
         """Return the accumulated strain at which the prescribed rates next change abruptly."""
@@ -87,7 +87,7 @@ class Programme:
 
     def interval(self, record_strain: float | None, standard: float) -> float:
         """Return the accumulated strain between two records; `record_strain` is the user's choice, if any."""
-        records = self.phase.records if record_strain is None else None
+        records = self.mixed.records if record_strain is None else None
         return self.length / records if records is not None else min(record_strain or standard, self.length)
 
     def progress(self, accumulated: float) -> Mapping[str, float]:
@@ -96,42 +96,42 @@ class Programme:
 
     def why_lost(self, stress: np.ndarray, accumulated: float) -> str:
         """Say why a held stress no longer follows its target; empty if all held stresses do. `stress` is (3, 3), Pa."""
-        if not self.phase.measured:
+        if not self.mixed.measured:
             return ""
         target = self.target(accumulated)
-        reached = self.phase.measure @ to_six(symmetric(stress))
+        reached = self.mixed.measure @ to_six(symmetric(stress))
         k = int(np.abs(reached - target).argmax())
         if abs(reached[k] - target[k]) <= max(LOST * float(mean_stress(stress)), self.least_pressure):
             return ""
         return (
-            f"{self.label}{self.phase.names[k]} is {reached[k]:.4g} Pa and cannot follow its target, {target[k]:.4g} "
+            f"{self.label}{self.mixed.names[k]} is {reached[k]:.4g} Pa and cannot follow its target, {target[k]:.4g} "
             "Pa: the target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
             "stress, or reduce the rate"
         )
 
 
-def step_of_phase(
-    phase: Phase, number: int, length: float, difference: float, pressure: float, least_pressure: float, here: Here
+def controlled_step(
+    mixed: MixedStep, number: int, length: float, difference: float, pressure: float, least_pressure: float, here: Here
 ) -> Step:
-    """Return the step that carries out a phase from the stress `here`.
+    """Return the step that carries out a step of mixed control from the stress `here`.
 
     Args:
-        phase: The increments.
+        mixed: The increments.
         number: Number of the step, from 0.
-        length: Accumulated strain of the phase.
+        length: Accumulated strain of the step.
         difference: The same length, computed as a difference of accumulated strains, which rounds differently.
         pressure: Mean stress expected at the start, Pa.
         least_pressure: Deviation from a target that is always accepted, Pa.
         here: The stress at the start, and the accumulated strain of a time step.
     """
-    knots = np.concatenate([[0.0], np.cumsum(phase.lengths(pressure))])
+    knots = np.concatenate([[0.0], np.cumsum(mixed.lengths(pressure))])
     if here.step_strain:  # round to a whole number of time steps
         knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(difference / here.step_strain)))
     knots, rows = np.unique(knots, return_index=True)  # join a row shorter than a time step with the next row
-    rows[-1] = phase.rows
+    rows[-1] = mixed.rows
     start = to_six(symmetric(here.stress))
-    programme = Programme(phase, number, length, start, knots, rows, least_pressure)
-    control = phase.control(programme.target) if phase.measured else None
+    programme = Programme(mixed, number, length, start, knots, rows, least_pressure)
+    control = mixed.control(programme.target) if mixed.measured else None
     end = StrainReached(difference)
-    until = end if phase.until is None else end | RecordMeets(phase.until)
+    until = end if mixed.until is None else end | RecordMeets(mixed.until)
     return Step(programme.rates, control, until, 8.0, programme)

@@ -132,15 +132,15 @@ class Step:
         held: The stresses that the servo holds, and the strain rates that it adjusts; None if no stress is held.
         until: Condition that ends the step. A path that does not end at a strain needs a StrainLimit.
         rate_limit: Largest strain rate of the servo, divided by the rate of the path.
-        phase: The programme of the phase of a path file that the step carries out, if any. The accumulated strain is
-            then counted from the start of the step.
+        programme: The programme of a step of mixed control, if it is one. The accumulated strain is then counted from
+            the start of the step.
     """
 
     given: np.ndarray | Callable[[float], np.ndarray]
     held: Control | None
     until: Until
     rate_limit: float = 3.0
-    phase: Programme | None = None
+    programme: Programme | None = None
 
     def rates(self, accumulated: float) -> np.ndarray:
         """Return the prescribed velocity gradient divided by the rate, (3, 3), at an accumulated strain."""
@@ -170,7 +170,7 @@ class Step:
     @property
     def isochoric(self) -> bool:
         """True if the step keeps the volume, as undrained loading does."""
-        rates = self.rates(0.0) if self.phase is None else self.phase.phase.strains
+        rates = self.rates(0.0) if self.programme is None else self.programme.mixed.strains
         keeps = self.held is None or self.held.isochoric
         return keeps and bool(np.abs(np.trace(rates, axis1=-2, axis2=-1)).max() < ISOCHORIC)
 
@@ -181,8 +181,8 @@ class Step:
     @property
     def varies(self) -> bool:
         """True if the prescribed rates or the held stresses change with the accumulated strain."""
-        if self.phase is not None:
-            return self.phase.varies
+        if self.programme is not None:
+            return self.programme.varies
         moving = callable(self.given) and not np.array_equal(self.given(0.0), self.given(0.5 * self.limit))
         return moving or (self.held is not None and callable(self.held.target))
 
@@ -198,10 +198,10 @@ class Step:
     def settled_stress(self, stress: np.ndarray, accumulated: float) -> np.ndarray:
         """Return the stress (3, 3), Pa, at which the next step starts, from the stress measured at its end.
 
-        For the held stresses of a phase, their targets replace the measured values, so that errors of the servo do not
-        add up over many steps.
+        For the held stresses of a programme, their targets replace the measured values, so that errors of the servo do
+        not add up over many steps.
         """
-        if self.phase is None or self.held is None:
+        if self.programme is None or self.held is None:
             return stress
         six = to_six(symmetric(stress))
         return to_tensor(correct_stress(six, self.held.measure, self.held.at(accumulated) - self.held.measure @ six))

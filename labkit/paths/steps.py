@@ -16,9 +16,9 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Number, parameter, without_option
+from labkit.paths.mixed_step import MixedStep, is_about_z
 from labkit.paths.path import Path, rate_parameter
-from labkit.paths.phase import Phase, is_about_z
-from labkit.paths.programme import LOST, PROGRESS, step_of_phase
+from labkit.paths.programme import LOST, PROGRESS, controlled_step
 from labkit.paths.step import Here, Step, correct_stress
 from labkit.quantities.scalars import Record
 
@@ -40,14 +40,14 @@ class Steps(Path):
     pressure: Number[float | None] = parameter(
         None, unit="Pa", above=0.0, high=1e12, help="isotropic stress to which the specimen is consolidated first"
     )
-    steps: tuple[Phase, ...] = parameter((), kind=Phase, help="the steps as JSON; see path files")
+    steps: tuple[MixedStep, ...] = parameter((), kind=MixedStep, help="the steps as JSON; see path files")
     order: tuple[int, ...] = parameter((), help="numbers of the steps to carry out, from 0 (default: each one once)")
     mean_stress: Number[float | None] = without_option(
         parameter(None, unit="Pa", above=0.0, high=1e12, help="mean stress of the specimen at the start")
     )
 
     name = "steps"
-    phases = True
+    has_programmes = True
     direction = (0.0, 0.0, 0.0)
     rate_limit = 8.0
 
@@ -97,7 +97,7 @@ class Steps(Path):
         least = LOST * (self.mean_stress or TYPICAL_PRESSURE)
         each = zip(self.order, self._lengths, differences, self._pressures, strict=True)
         for number, (which, length, difference, pressure) in enumerate(each):
-            yield step_of_phase(self.steps[which], number, length, difference, pressure, least, start)
+            yield controlled_step(self.steps[which], number, length, difference, pressure, least, start)
 
 
 def is_symmetric(path: Path) -> bool:
@@ -106,7 +106,7 @@ def is_symmetric(path: Path) -> bool:
     A path declares with `axisymmetric = False` that they are not. Of a path of steps, each step is examined.
     """
     if isinstance(path, Steps):
-        return all(phase.axisymmetric for phase in path.steps)
+        return all(step.axisymmetric for step in path.steps)
     with contextlib.suppress(InputError):  # `control` raises while the pressure to hold is unknown
         control = path.control()
         if not (control is None or control.axisymmetric):
@@ -115,15 +115,15 @@ def is_symmetric(path: Path) -> bool:
 
 
 def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
-    """Return held stresses of phases minus their targets, name -> (time,), Pa; NaN at records where they are not held.
+    """Return held stresses of steps minus their targets, name -> (time,), Pa; NaN at records where they are not held.
 
-    The result is empty for a path without phases.
+    The result is empty for a path without programmes.
 
     Args:
         path: The path.
         record: `stress` and the variables PROGRESS at all records.
     """
-    if not path.phases:
+    if not path.has_programmes:
         return {}
     stress = to_six(symmetric(np.asarray(record["stress"])))
     number, progress = (np.asarray(record[name]) for name in PROGRESS)
@@ -135,13 +135,13 @@ def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
         if not len(at):
             continue
         last = stress[at[-1]]
-        if step.held is not None and step.phase is not None:
-            phase = step.phase.phase
-            differences = stress[at] @ phase.measure.T - phase.target_at(
-                progress[at], phase.measure @ to_six(here.stress)
+        if step.held is not None and step.programme is not None:
+            mixed = step.programme.mixed
+            differences = stress[at] @ mixed.measure.T - mixed.target_at(
+                progress[at], mixed.measure @ to_six(here.stress)
             )
-            for name, values in zip(phase.names, differences.T, strict=True):
+            for name, values in zip(mixed.names, differences.T, strict=True):
                 errors.setdefault(name, np.full(len(stress), np.nan))[at] = values
-            last = correct_stress(last, phase.measure, -differences[-1])
+            last = correct_stress(last, mixed.measure, -differences[-1])
         here.stress = to_tensor(last)
     return errors

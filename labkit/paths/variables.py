@@ -21,7 +21,7 @@ import numpy as np
 
 from labkit.errors import InputError, instead_of
 from labkit.parameters import Parameter, warn_of_doubt
-from labkit.paths.phase import Phase, components_of
+from labkit.paths.mixed_step import MixedStep, components_of
 
 SHEAR = ("xz", "yz", "xy")
 _X, _Y, _Z = (np.diag(row) for row in np.eye(3))
@@ -72,22 +72,22 @@ VARIABLES = {
 }
 
 
-def mixed_step(variables: Variables, on_stress: tuple[bool, ...], changes: np.ndarray, **further: Any) -> Phase:
-    """Return a Phase in which each of six variables has a prescribed change of stress or of strain.
+def mixed_step(variables: Variables, on_stress: tuple[bool, ...], changes: np.ndarray, **further: Any) -> MixedStep:
+    """Return a MixedStep in which each of six variables has a prescribed change of stress or of strain.
 
-    Raises InputError for values that Phase rejects.
+    Raises InputError for values that MixedStep rejects.
 
     Args:
         variables: The set of variables.
         on_stress: For each variable, True if its stress is prescribed, False if its strain is.
         changes: Changes of stress, Pa, or strain, (n, 6) for n rows.
-        further: Other fields of the Phase.
+        further: Other fields of the MixedStep.
     """
     chosen = np.array(on_stress, dtype=bool)
     changes = np.atleast_2d(np.asarray(changes, dtype=float))
     control = components_of(variables.tensors[chosen])
     strain = np.einsum("na,aij->nij", changes[:, ~chosen], variables.tensors[~chosen])
-    return Phase(
+    return MixedStep(
         strain=tuple(strain.ravel()),
         free=control,
         measured=control,
@@ -120,8 +120,8 @@ def increments(
     until: str | None = None,
     records: int | None = None,
     label: str = "",
-) -> Phase:
-    """Return a Phase from changes of named stresses, Pa, and strains; the strains of all other variables stay constant.
+) -> MixedStep:
+    """Return a MixedStep from changes of named stresses, Pa, and strains; all other variables keep their strains.
 
     Values are numbers or text with a unit, such as "40 kPa" and "1 %", or lists with a value for each row.
 

@@ -72,7 +72,7 @@ class Material(abc.ABC):
     @property
     @abc.abstractmethod
     def accumulated_strain(self) -> float:
-        """Accumulated strain of the path, or of the current phase on a path of phases."""
+        """Accumulated strain of the path, or of the current step if the steps have programmes."""
 
 
 @dataclasses.dataclass

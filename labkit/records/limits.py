@@ -111,11 +111,11 @@ def require_pressure(path: Path, scene: Scene) -> None:
 
 
 def _prescribed_stresses(path: Path) -> dict[str, float]:
-    """Return the largest stress (Pa) that each field, or each phase, of a path prescribes, by name."""
+    """Return the largest stress (Pa) that each field, or each step, of a path prescribes, by name."""
     largest = {name: float(np.max(getattr(path, name, None) or 0.0)) for name in ("pressure", "pressures", "stresses")}
-    for number, phase in enumerate(path.steps if isinstance(path, Steps) else (), start=1):
-        name = phase.label or f"step {number}"
-        largest[name] = max(largest.get(name, 0.0), phase.largest_stress)
+    for number, step in enumerate(path.steps if isinstance(path, Steps) else (), start=1):
+        name = step.label or f"step {number}"
+        largest[name] = max(largest.get(name, 0.0), step.largest_stress)
     return largest
 
 

@@ -127,7 +127,14 @@ class Recorder:
         """Store the arguments; the file is opened and locked by `with`."""
         losses = {name: LOSSES[name] for name in specimen.scene.contact_law.losses}
         shape = {} if specimen.bodies is None else ECCENTRICITY
-        self.table = {**record_table(), **BY_VOLUME, **shape, **losses, **(PROGRESS if path.phases else {}), **extra}
+        self.table = {
+            **record_table(),
+            **BY_VOLUME,
+            **shape,
+            **losses,
+            **(PROGRESS if path.has_programmes else {}),
+            **extra,
+        }
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()

@@ -70,7 +70,7 @@ class Schedule:
     A span is a step of the path with a given strain, or a sequence of consecutive steps that end at given stresses. A
     run stops at every multiple of `steps_per_record` and at the end of every span. At each stop the cell stiffness that
     the servo uses is recomputed. Each stop is recorded, except a regular stop less than half an interval before the end
-    of a span, because the difference between the two records would be mostly noise. If phases of a path have their own
+    of a span, because the difference between the two records would be mostly noise. If steps of a path have their own
     intervals, these are counted from the start of the span.
     """
 
@@ -106,7 +106,7 @@ class Schedule:
             )
         steps = steps.astype(int)
         intervals = tuple[int, ...]()
-        if not path.phases:
+        if not path.has_programmes:
             per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
         else:
             intervals = tuple(
@@ -223,7 +223,9 @@ def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[flo
         if not (by_stress and step.length is None):
             firsts.append(number)
             spans.append(step.limit)
-            intervals_of_steps += [] if step.phase is None else [step.phase.interval(record_strain, path.record_strain)]
+            intervals_of_steps += (
+                [] if step.programme is None else [step.programme.interval(record_strain, path.record_strain)]
+            )
         by_stress = step.length is None
     return firsts, spans, intervals_of_steps
 

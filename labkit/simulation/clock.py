@@ -63,7 +63,7 @@ class PathClock:
 
     @property
     def accumulated_strain(self) -> float:
-        """Accumulated strain of the path, or of the current phase on a path of phases."""
+        """Accumulated strain of the path, or of the current step if the steps have programmes."""
         return self.step_strain * (self.planned_position - self.origin)
 
     @property

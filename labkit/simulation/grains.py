@@ -190,7 +190,7 @@ class Grains(Material):
         if self.number >= 0:
             within = number - self.schedule.firsts[span]
             self.position = Position(within, self.position.lattice, stress=self.here.stress)
-        self.clock.enter(span, step.phase is not None)
+        self.clock.enter(span, step.programme is not None)
         self.number, self.step = number, step
         if not self.recorder.records:
             start = self.measure()
@@ -205,8 +205,8 @@ class Grains(Material):
     def measure(self) -> Stop:
         """Return the Stop with the record at this stop, and whether the step or the walk ends here."""
         values = self.instant.measure(self.cell @ self.position.lattice)
-        if self.step.phase is not None:
-            values |= self.step.phase.progress(self.accumulated_strain)
+        if self.step.programme is not None:
+            values |= self.step.programme.progress(self.accumulated_strain)
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.clock.step_strain * self.clock.planned_position
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
@@ -270,8 +270,8 @@ class Grains(Material):
 
     def why_lost(self, state: State, stress: np.ndarray) -> str:
         """Say why a held stress can no longer reach its target; empty if it can. `stress` (3, 3) in Pa."""
-        step, phase, rate = self.step, self.step.phase, self.clock.pace * rate_of(self.path)
-        reason = "" if phase is None else phase.why_lost(stress, self.accumulated_strain)
+        step, programme, rate = self.step, self.step.programme, self.clock.pace * rate_of(self.path)
+        reason = "" if programme is None else programme.why_lost(stress, self.accumulated_strain)
         if reason or step.held is None:
             return reason
         limit, prescribed = rate * step.rate_limit, rate * step.rates(self.accumulated_strain)
@@ -281,7 +281,7 @@ class Grains(Material):
         self.position.lag = self.position.lag.after(strain, error, at_limit)
         if not self.position.lag.hopeless:
             return ""
-        label = "" if phase is None else phase.label
+        label = "" if programme is None else programme.label
         return label + unreachable(step.held, step.held.names, stress, self.accumulated_strain)
 
     def checkpoint(self, state: State, complete: bool) -> Checkpoint:

@@ -62,9 +62,9 @@ class Loading:
         clock, steps, accumulated = self.clock, list[int](), list[float]()
         last = min(end, clock.now + most)
         anew = (
-            step.phase is not None and clock.planned_position == clock.origin
-        )  # a new phase may hold different stresses
-        alike = step.phase is None and not callable(step.given) and not callable(getattr(step.held, "target", None))
+            step.programme is not None and clock.planned_position == clock.origin
+        )  # a new step may hold different stresses
+        alike = step.programme is None and not callable(step.given) and not callable(getattr(step.held, "target", None))
         while clock.now < last:
             interval = self._interval(end, step)
             number = max(1, (last - clock.now) // interval) if alike else 1
@@ -77,8 +77,8 @@ class Loading:
         """Return the time steps to the next correction, but at most to `end` or to an abrupt change of the rates."""
         clock, feedback = self.clock, step.held is not None or step.length is None
         steps = min(self.servo.interval if feedback else LISTEN, end - clock.now)
-        if step.phase is None:
+        if step.programme is None:
             return steps
         strain = clock.pace * self.rate * self.time_step
-        missing = (step.phase.next_change(clock.accumulated_strain) - clock.accumulated_strain) / strain
+        missing = (step.programme.next_change(clock.accumulated_strain) - clock.accumulated_strain) / strain
         return min(steps, max(1, round(missing))) if missing < clock.schedule.steps else steps

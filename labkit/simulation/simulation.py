@@ -53,7 +53,7 @@ def goes_on(path: Path, state: State) -> bool:
     control = next(iter(path.steps_from(Here(stress)))).held
     if path.start_pressure() is None:
         return True
-    return control is not None and not path.phases and float(errors(control, stress, 0.0).max()) <= ERROR
+    return control is not None and not path.has_programmes and float(errors(control, stress, 0.0).max()) <= ERROR
 
 
 def default_pressure(path: Path, state: State) -> float:
@@ -63,7 +63,7 @@ def default_pressure(path: Path, state: State) -> float:
     """
     stress = love_stress(state.snapshot())
     mean = float(mean_stress(stress))
-    if state.step == 0 or mean <= 0.0 or path.phases:
+    if state.step == 0 or mean <= 0.0 or path.has_programmes:
         return mean
     control = next(iter(path.starting_at(mean).steps_from(Here(stress)))).held
     if control is None or not (loaded := control.at(0.0) != 0.0).any():

@@ -10,8 +10,8 @@ import pytest
 import labkit as lk
 from labkit.errors import InputError, PhysicsError
 from labkit.model import Model, drive, isotropic_state
+from labkit.paths.mixed_step import LEAST, MixedStep
 from labkit.paths.path import number_of_steps
-from labkit.paths.phase import LEAST, Phase
 from labkit.paths.registry import path_of
 from labkit.paths.step import Here
 from labkit.paths.steps import Steps, stress_errors
@@ -74,7 +74,7 @@ def test_an_impossible_step_is_refused(values, said):
 def test_stresses_that_no_strain_rate_can_set_are_refused():
     x, z = (tuple(np.eye(6)[k]) for k in (0, 2))
     with pytest.raises(InputError, match="stresses"):
-        Phase(measured=(*x, *x), free=(*x, *z), stress=(1.0, 2.0))
+        MixedStep(measured=(*x, *x), free=(*x, *z), stress=(1.0, 2.0))
     with pytest.raises(InputError, match="is empty"):
         Schedule.of(Steps(rate=10.0), 1e-7, 200, Options())
 

@@ -94,7 +94,7 @@ class Job:
         """Hash of everything that determines the result; results of fused are the same on any number of threads."""
         values = self._values()
         values.pop("source", None)
-        for step in values["path"].get("steps", ()) if self.path is not None and self.path.phases else ():
+        for step in values["path"].get("steps", ()) if self.path is not None and self.path.has_programmes else ():
             for name in NAMES:
                 step.pop(name, None)
         if self.device.name == "fused":

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 from labkit.errors import InputError
-from labkit.paths.phase import Phase
+from labkit.paths.mixed_step import MixedStep
 from labkit.paths.steps import MOST_STEPS, Steps
 from labkit.plugins.incremental.conventions import STRESS_UNITS
 from labkit.plugins.incremental.keywords import StepReader
@@ -32,7 +32,7 @@ class DriverFile:
     file: Path
     output: str
     heading: str
-    steps: tuple[Phase, ...]
+    steps: tuple[MixedStep, ...]
     order: tuple[int, ...]
     notes: tuple[str, ...]
 
@@ -58,7 +58,7 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int
     source.go_to(starts[block - 1])
     output, heading = _output(source)
     reader = StepReader(source, stress_unit)
-    steps: list[Phase] = []
+    steps: list[MixedStep] = []
     order: list[int] = []
     while (line := source.next()) is not None:
         keyword = line.first.lower()
@@ -126,7 +126,7 @@ def _inner(source: Source, start: Line, done: int, number: int) -> Line:
     return line
 
 
-def _notes(steps: list[Phase]) -> tuple[str, ...]:
+def _notes(steps: list[MixedStep]) -> tuple[str, ...]:
     """Return a sentence for each step in which all stresses or strains are held constant."""
     return tuple(
         f"{step.label}: the stresses or strains are held, but nothing creeps or relaxes, because there is no viscosity"

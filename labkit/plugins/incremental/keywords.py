@@ -1,4 +1,4 @@
-"""The steps of test.inp: each keyword of the Incremental Driver, read from its lines and turned into a Phase.
+"""The steps of test.inp: each keyword of the Incremental Driver, read from its lines and turned into a MixedStep.
 
 The programmer's manual of 27 March 2020 and the guide to the input files define the formats. The numbers of iterations
 in an increment are read but have no effect here.
@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from labkit.errors import InputError, nearest
-from labkit.paths.phase import Phase, components_of
+from labkit.paths.mixed_step import MixedStep, components_of
 from labkit.paths.variables import mixed_step
 from labkit.plugins.incremental import exit_condition, restrictions
 from labkit.plugins.incremental.conventions import STRESS_UNITS, SYSTEMS, rotate, system
@@ -54,7 +54,7 @@ class StepReader:
         """Take the source without reading it yet."""
         self.source, self.stress_unit, self.pascals = source, stress_unit, STRESS_UNITS[stress_unit]
 
-    def step(self, line: Line) -> Phase:
+    def step(self, line: Line) -> MixedStep:
         """Read the step whose keyword is in this line. Raises InputError with the line and the invalid word."""
         keyword, question, condition = line.text.partition("?")
         name = (split_words(keyword.replace("|", " ")) or [""])[0]
@@ -131,8 +131,8 @@ class StepReader:
         flags: Sequence[bool],
         changes: np.ndarray,
         durations: Sequence[float] | None = None,
-    ) -> Phase:
-        """Return a Phase from changes (n, 6) of the driver's variables; the durations, s, are equal by default."""
+    ) -> MixedStep:
+        """Return a MixedStep from changes (n, 6) of the driver's variables; the durations, s, are equal by default."""
         variables, signs = system(keyword)
         on_stress = tuple(flags)
         scale = signs * np.where(on_stress, self.pascals, 1.0)
@@ -150,13 +150,13 @@ class StepReader:
         )
 
 
-def _linear(reader: StepReader, common: StepHead) -> Phase:
+def _linear(reader: StepReader, common: StepHead) -> MixedStep:
     keyword = reader.system()
     flags, loads = reader.rows(1)
     return reader.mixed_control(common, keyword, flags, loads[:, 0])
 
 
-def _circulating(reader: StepReader, common: StepHead) -> Phase:
+def _circulating(reader: StepReader, common: StepHead) -> MixedStep:
     """Return one period of A (sin(2 pi t/T + phi) - sin(phi)) + B t/T, in straight pieces of equal time."""
     keyword = reader.system()
     flags, values = reader.rows(3)
@@ -166,7 +166,7 @@ def _circulating(reader: StepReader, common: StepHead) -> Phase:
     return reader.mixed_control(common, keyword, flags, np.diff(path, axis=0))
 
 
-def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
+def _deformation_gradient(reader: StepReader, common: StepHead) -> MixedStep:
     """Return F(t) = 1 + (F - 1) t/T in pieces of constant velocity gradient, at whose ends F(t) is exact."""
     from scipy.linalg import logm  # importing it takes a second
 
@@ -183,7 +183,7 @@ def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
     if not all(1e-3 < np.linalg.det(gradient) < 1e3 for gradient in gradients):
         raise InputError("the deformation gradient is not a possible deformation: give one with a determinant near 1")
     steps = [-rotate(np.real(logm(after @ np.linalg.inv(before)))) for before, after in itertools.pairwise(gradients)]
-    return Phase(
+    return MixedStep(
         strain=tuple(np.ravel(steps)),
         durations=(common.duration / pieces,) * pieces,
         until=common.until,
@@ -192,7 +192,7 @@ def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
     )
 
 
-def _import_file(reader: StepReader, common: StepHead) -> Phase:
+def _import_file(reader: StepReader, common: StepHead) -> MixedStep:
     source, text = reader.source, common.line.text.partition("?")[0]
     name, bar, number = text[len("*ImportFile") :].partition("|")
     if not bar or not number.split():
@@ -236,10 +236,10 @@ def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
     return column, line.real(words[0]) if words else 1.0
 
 
-def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[[StepReader, StepHead], Phase]:
+def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[[StepReader, StepHead], MixedStep]:
     """Return a reader of steps that need at most one number from the file: the change of variable number `place`."""
 
-    def read(reader: StepReader, common: StepHead) -> Phase:
+    def read(reader: StepReader, common: StepHead) -> MixedStep:
         loads = np.zeros(6)
         if place is not None:
             loads[place] = reader.source.reals(1, f"the change of component {place + 1}")[0]
@@ -248,14 +248,14 @@ def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[
     return read
 
 
-def _restriction(reader: StepReader, common: StepHead) -> Phase:
+def _restriction(reader: StepReader, common: StepHead) -> MixedStep:
     mt, me, m = restrictions.restrictions(reader.source)
     strains = me.any(axis=1)
     solved = restrictions.solve(me[strains], m[strains])
     if solved is None:
         raise InputError("the restrictions on strains contradict or repeat one another: give independent ones")
     solution, basis = solved
-    return Phase(
+    return MixedStep(
         strain=tuple(restrictions.strain_tensors(solution).ravel()),
         free=components_of(restrictions.strain_tensors(basis)),
         measured=components_of(restrictions.stress_measures(mt[~strains])),
@@ -267,15 +267,15 @@ def _restriction(reader: StepReader, common: StepHead) -> Phase:
     )
 
 
-def _perturbations(reader: StepReader, common: StepHead) -> Phase:
+def _perturbations(reader: StepReader, common: StepHead) -> MixedStep:
     raise InputError("probes from one state are not steps of a path: leave them out, and use `labkit probe` for them")
 
 
-def _random_walk(reader: StepReader, common: StepHead) -> Phase:
+def _random_walk(reader: StepReader, common: StepHead) -> MixedStep:
     raise InputError("a random path cannot be repeated: leave it out, or import its increments with *ImportFile")
 
 
-NAMES: dict[str, Callable[[StepReader, StepHead], Phase]] = {
+NAMES: dict[str, Callable[[StepReader, StepHead], MixedStep]] = {
     "*LinearLoad": _linear,
     "*CirculatingLoad": _circulating,
     "*DeformationGradient": _deformation_gradient,

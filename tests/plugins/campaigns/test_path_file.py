@@ -147,7 +147,7 @@ def test_a_file_that_is_not_text_is_refused(written, tmp_path):
 def commanded_path(words):
     """The path of a command line, from its options and its path file."""
     given = run_options(words[1:])
-    kind, values, _ = named_path(given["path"])
+    kind, values = named_path(given["path"])
     return make_path(kind.name, {**values, **given["loading"]})
 
 

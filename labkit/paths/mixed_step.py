@@ -26,7 +26,7 @@ MEAN = to_six(np.eye(3) / 3.0)
 
 
 @dataclasses.dataclass(frozen=True)
-class Phase:
+class MixedStep:
     """One step of a path.
 
     Raises InputError for values that are not finite, shapes that do not match, and a control that no material can
