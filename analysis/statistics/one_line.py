@@ -75,7 +75,7 @@ def one_line(
         covariance = np.eye(len(y))
     else:
         same = specimen[:, None] == specimen[None, :]
-        null, other = _Mixed(columns, same), _Mixed(full, same)
+        null, other = MixedModel(columns, same), MixedModel(full, same)
         statistic = float(2.0 * (other.likelihood(y[:, None]) - null.likelihood(y[:, None]))[0])
         deviation, share = null.scatter(y)
         drawn = np.linalg.cholesky(_covariance(share, same)) @ np.random.default_rng(1).normal(size=(len(y), draws))
@@ -106,7 +106,7 @@ def _independent(columns: np.ndarray) -> np.ndarray:
     return left[:, singular > 1e-9 * singular.max(initial=0.0)]
 
 
-class _Mixed:
+class MixedModel:
     """Likelihood of a linear mixed model with one random offset per specimen, maximised over RATIOS."""
 
     def __init__(self, columns: np.ndarray, same: np.ndarray) -> None:

@@ -109,7 +109,7 @@ class FusedEngine(Engine):
         self._given_skin, self._precision, self._kind = skin, precision, KINDS[precision]
         self._threads, self._ranks = threads, ranks
         self._exchange: Exchange | None = None
-        self._choice = ThreadChoice(1)
+        self.thread_choice = ThreadChoice(1)
         self.load(state)
 
     def load(self, state: State) -> None:
@@ -177,8 +177,8 @@ class FusedEngine(Engine):
                 f"the fused engine runs on {most} thread{'s' * (most > 1)}, not {self._threads}: it can use one thread "
                 f"per {GRAINS_PER_DOMAIN:,} grains"
             )
-        if most != self._choice.most:
-            self._choice = ThreadChoice(most)
+        if most != self.thread_choice.most:
+            self.thread_choice = ThreadChoice(most)
 
     @property
     def packing(self) -> PackedArrays:
@@ -200,8 +200,8 @@ class FusedEngine(Engine):
         while done < steps:
             begin = time.perf_counter()
             wanted = min(steps - done, at_once)  # Python notices Ctrl-C between two calls of the compiled loop
-            completed, search = self._run(self._choice.steps(wanted), plan, self._time_step, searched)
-            self._choice.record(completed, time.perf_counter() - begin)
+            completed, search = self._run(self.thread_choice.steps(wanted), plan, self._time_step, searched)
+            self.thread_choice.record(completed, time.perf_counter() - begin)
             done += completed
             self._since_search += completed
             searched = search
@@ -228,7 +228,7 @@ class FusedEngine(Engine):
         self._since_search = 0
 
     def _run(self, steps: int, plan: ServoPlan, dt: float, moved_already: bool) -> tuple[int, bool]:
-        return self._loop.advance(steps, moved_already, dt, plan, self._choice.count)
+        return self._loop.advance(steps, moved_already, dt, plan, self.thread_choice.count)
 
     def _search(self, kinematics: Kinematics, history: History) -> None:
         """Find all pairs of neighbouring grains and fill the arrays of the kernel."""

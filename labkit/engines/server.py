@@ -151,7 +151,7 @@ class Server:
 
         Raises PhysicsError if there is none or if it has a different version, and Interrupted after a signal.
         """
-        self.program, self._peer, self._process, self._output = program, peer, process, output
+        self.program, self.peer, self.process, self._output = program, peer, process, output
         self._owner, self._waits = os.getpid(), False
         peer.settimeout(0.1)
         try:
@@ -162,7 +162,7 @@ class Server:
         except OSError:  # raised again by `receive`
             pass
         peer.settimeout(SILENCE)
-        hello = self._guard("start", lambda: receive(self._peer))
+        hello = self._guard("start", lambda: receive(self.peer))
         spoken = hello.values.get("protocol")
         if hello.name != "hello" or spoken != PROTOCOL:
             self.close()
@@ -177,8 +177,8 @@ class Server:
         return self._guard(name, lambda: self._exchange(Message(name, values or {}, arrays)))
 
     def _exchange(self, message: Message) -> Message:
-        send(self._peer, message)
-        while (answer := receive(self._peer)).name == "alive":
+        send(self.peer, message)
+        while (answer := receive(self.peer)).name == "alive":
             pass
         if answer.name == "error":
             raise PhysicsError(answer.values["text"])
@@ -197,7 +197,7 @@ class Server:
         except TimeoutError:
             self.close()
             raise ProgramError(
-                f"{self.program} has not answered for {self._peer.gettimeout() or 0.0:g} s ({doing}); {RESUME}"
+                f"{self.program} has not answered for {self.peer.gettimeout() or 0.0:g} s ({doing}); {RESUME}"
             ) from None
         except (EOFError, OSError):
             raise ProgramError(f"{self.program} {self._end()} ({doing}); {RESUME}") from None
@@ -207,37 +207,37 @@ class Server:
 
     def _end(self) -> str:
         """Describe how the process ended, with the last line that it printed."""
-        if self._process is None:
+        if self.process is None:
             self.close()
             return "has ended"
         self._waits = True
         self.close()
-        code = self._process.returncode
+        code = self.process.returncode
         said = f"was killed by signal {-code}" if code < 0 else f"ended with exit status {code}"
         return said + last_line(self._output) if code > 0 else said
 
     @property
     def usable(self) -> bool:
         """True if the server is running and can be used by another engine."""
-        alive = self._process is None or self._process.poll() is None
-        return self._owner == os.getpid() and self._peer.fileno() >= 0 and alive
+        alive = self.process is None or self.process.poll() is None
+        return self._owner == os.getpid() and self.peer.fileno() >= 0 and alive
 
     def close(self) -> None:
         """End the server: one that waits for a message ends by itself; another is killed, unless it ends soon."""
         if self._owner != os.getpid():  # this is a copy in a forked process
             return
-        self._peer.close()
-        if self._process is None:
+        self.peer.close()
+        if self.process is None:
             return
         try:
-            self._process.wait(SILENCE if self._waits else ENDING)
+            self.process.wait(SILENCE if self._waits else ENDING)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self.process.kill()
+            self.process.wait()
 
 
 ENDING = 2.0  # time (s) in which a server that does not answer, or is interrupted, may end by itself
-_IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
+IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 
 class ServedEngine(Engine):
@@ -246,11 +246,11 @@ class ServedEngine(Engine):
     def __init__(self, state: State, threads: int = 1) -> None:
         """Load the state into an idle server, or into a new one."""
         key = (type(self), threads)
-        idle = _IDLE[key]
+        idle = IDLE[key]
         idle[:] = [server for server in idle if server.usable]
-        self._server = idle.pop() if idle else self.start_server(threads)
-        weakref.finalize(self, idle.append, self._server).atexit = False
-        self.version = self._server.version
+        self.server = idle.pop() if idle else self.start_server(threads)
+        weakref.finalize(self, idle.append, self.server).atexit = False
+        self.version = self.server.version
         self.load(state)
 
     @classmethod
@@ -267,11 +267,11 @@ class ServedEngine(Engine):
         values, arrays = self.load_message(state)
         values |= {"time": state.time, "time_step": state.time_step, "step": state.step}
         self._loaded, self._ledger, self._step = state, state.ledger, state.step
-        self._keep(self._server.ask("load", values, **{name: getattr(state, name) for name in STATE}, **arrays))
+        self._keep(self.server.ask("load", values, **{name: getattr(state, name) for name in STATE}, **arrays))
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.array(velocity_gradient, dtype=float)
-        answer = self._server.ask("advance", {"steps": steps}, velocity_gradient=gradient)
+        answer = self.server.ask("advance", {"steps": steps}, velocity_gradient=gradient)
         self._step += steps
         self._keep(answer)
 
@@ -283,12 +283,12 @@ class ServedEngine(Engine):
         return self._stress.copy()  # the stress came with the answer to the last `advance`
 
     def stop_grains(self) -> None:
-        lost = self._server.ask("stop_grains").values["kinetic_energy"]
+        lost = self.server.ask("stop_grains").values["kinetic_energy"]
         self._ledger = self._ledger.plus(0.0, 0.0, 0.0, lost)
 
     def state(self) -> State:
         """Return the State with contacts sorted by grain; the server returns contacts in any order."""
-        answer = self._server.ask("state")
+        answer = self.server.ask("state")
         values, columns = answer.values, self._loaded.scene.contact_law.columns
         arrays = {name: answer.arrays[name] for name in answer.arrays.keys() & STATE.keys() - columns.keys()}
         self._extra = {name: array for name, array in answer.arrays.items() if name not in STATE}

@@ -133,7 +133,7 @@ def _size(v):
     return np.sqrt(total)
 
 
-def _solve(A, b):
+def solve_linear(A, b):
     """Solve A v = b by Gaussian elimination with pivoting; v overwrites b. False if A is singular or not finite.
 
     For the few rows of a control this compiles several times faster than np.linalg.solve.
@@ -185,7 +185,7 @@ def _newton(y, control, x, compressing, c, out, work):
                 jacobian[i, j] = (tried[i] - missing[i]) / nudge
         put(start, x)
         put(step, missing)
-        if not _solve(jacobian, step):
+        if not solve_linear(jacobian, step):
             return False
         before, length = error, 1.0
         while True:

@@ -29,7 +29,7 @@ def one_blas_thread() -> Iterator[None]:
     global _tasks
     with _LOCK:
         if _tasks == 0:
-            for count, change in _switches():
+            for count, change in thread_switches():
                 _restore.callback(change, count())
                 change(1)
         _tasks += 1
@@ -42,7 +42,7 @@ def one_blas_thread() -> Iterator[None]:
                 _restore.close()
 
 
-def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
+def thread_switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
     """Yield, for each OpenBLAS in this process, the functions that return and set its number of threads."""
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()

@@ -18,7 +18,7 @@ class PeekingEngine(YadeEngine):
         return start_yade(threads, SCRIPT, [str(find_script("server.py").parent)])
 
     def evaluate(self, expression):
-        return self._server.ask("evaluate", {"expression": expression}).values["value"]
+        return self.server.ask("evaluate", {"expression": expression}).values["value"]
 
 
 def reached(state, counts, gradient, engine=YadeEngine):

@@ -66,7 +66,7 @@ def functions_of(law):
     """The code for Numba of the forces of a law with default parameters."""
     scene = lk.Scene(law="spring_dashpot", rolling_friction=0.0)
     needs = blocks.Needs(law.composition(scene), law.numbers(scene), False, True, True, False)
-    return blocks._forces(law, needs)
+    return blocks.law_functions(law, needs)[0][1]()
 
 
 @pytest.mark.slow
@@ -138,17 +138,17 @@ def test_a_function_that_is_not_arithmetic_is_refused(outside):
 
 def test_code_without_the_function_is_compiled_again():
     code = object_code.emit_object(MODULE.format(outside="cos", status="0"), "cfunc.f", "f", machine.new_machine())
-    assert machine._load("f", code) and not machine._load("g", code)
+    assert machine.load_function("f", code) and not machine.load_function("g", code)
 
 
 def test_a_file_of_code_under_another_name_is_not_read(tmp_path, monkeypatch):
     tmp_path.chmod(0o700)
     machine.write_code(tmp_path / "move-1.o", b"code")
-    assert machine._read(tmp_path / "move-1.o") == b"code"
+    assert machine.read_code(tmp_path / "move-1.o") == b"code"
     (tmp_path / "move-1.o").rename(tmp_path / "stress-1.o")
-    assert machine._read(tmp_path / "stress-1.o") is None
+    assert machine.read_code(tmp_path / "stress-1.o") is None
     os.mkfifo(tmp_path / "pipe-1.o")  # without a writer, which an ordinary read would wait for
-    assert machine._read(tmp_path / "pipe-1.o") is None
+    assert machine.read_code(tmp_path / "pipe-1.o") is None
 
 
 # --- what is frozen in it -------------------------------------------------------------------------------------------

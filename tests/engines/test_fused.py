@@ -381,7 +381,7 @@ def test_the_results_are_bit_identical_for_any_number_of_threads(precision, spec
     results = []
     for threads, choice in ((1, None), (2, None), (2, Alternating(2))):
         engine = FusedEngine(state, threads, precision=precision)
-        engine._choice = choice or engine._choice
+        engine.thread_choice = choice or engine.thread_choice
         engine.advance(150, gradient)
         results.append(engine.state())
     assert identical(results[0], results[1]) and identical(results[0], results[2])

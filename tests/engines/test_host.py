@@ -34,7 +34,7 @@ import labkit as lk
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel import host
 if len(sys.argv) > 1:
-    host._file = lambda: Path(sys.argv[1])
+    host.library_file = lambda: Path(sys.argv[1])
 found = []
 LAWS = ({}, {"law": "bonded"}, {"law": "capillary"}, {"friction": 0.0, "law": "spring_dashpot"})
 for words in LAWS:
@@ -333,7 +333,7 @@ random = np.random.default_rng(4)
 position = (np.indices((20, 20, 20)).reshape(3, -1).T + 0.1 * random.random((8000, 3))) * 1.9e-4
 def digest(threads):
     engine = FusedEngine(grains_in_cell(Scene(), np.full(8000, 1e-4), position, np.eye(3) * 20 * 1.9e-4), threads)
-    engine._choice.count = threads
+    engine.thread_choice.count = threads
     engine.advance(5, np.diag([0.0, 0.0, -1.0]))
     return engine.state().digest()
 known = digest(1)
@@ -358,12 +358,12 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_library_that_is_changed_while_it_is_used_does_not_matter(damage, tmp_path):
     file = tmp_path / "libhost.so"
-    shutil.copy(host._file(), file)
-    library = host._load(file)
+    shutil.copy(host.library_file(), file)
+    library = host.load_library(file)
     DAMAGES[damage](file)
     assert library.processor_level() == host.library().processor_level()
     with pytest.raises(lk.InputError, match=r"libhost.so is damaged: delete it"):
-        host._load(file)
+        host.load_library(file)
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="needs g++")
@@ -425,7 +425,7 @@ position = (np.indices((20, 20, 20)).reshape(3, -1).T + 0.1 * random.random((800
 engine = FusedEngine(grains_in_cell(Scene(), np.full(8000, 1e-4), position, np.eye(3) * 20 * 1.9e-4), 2)
 
 def advance(engine):
-    engine._choice.count = 2
+    engine.thread_choice.count = 2
     engine.advance(5, np.diag([0.0, 0.0, -1.0]))
     return engine.state().position.sum()
 

@@ -80,7 +80,7 @@ def test_no_engine_opens_a_port(engine):
 def test_an_idle_server_listens_nowhere(sheared_state):
     """As in a notebook, after a run."""
     lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), engine="yade", progress=False)
-    assert any(server._IDLE.values()) and listening(os.getpid()) == {}
+    assert any(server.IDLE.values()) and listening(os.getpid()) == {}
 
 
 def test_a_script_of_yade_closes_its_ports(tmp_path, specimen_file):

@@ -85,10 +85,10 @@ def test_yade_ends_when_labkit_is_killed(specimen_file, tmp_path):
 
 
 def test_a_yade_that_hangs_is_given_up(state, monkeypatch):
-    monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
+    monkeypatch.setattr(server, "IDLE", type(server.IDLE)(list))
     engine = YadeEngine(state)
-    engine._server._peer.settimeout(0.5)
-    process = engine._server._process
+    engine.server.peer.settimeout(0.5)
+    process = engine.server.process
     process.send_signal(signal.SIGSTOP)
     with pytest.raises(PhysicsError, match=r"YADE has not answered for 0.5 s \(advance\)"):
         engine.advance(10, np.zeros((3, 3)))
@@ -97,18 +97,18 @@ def test_a_yade_that_hangs_is_given_up(state, monkeypatch):
 
 
 def test_a_server_that_reported_an_error_ends_by_itself_however_long_it_takes(state, monkeypatch):
-    monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
+    monkeypatch.setattr(server, "IDLE", type(server.IDLE)(list))
     monkeypatch.setattr(server, "ENDING", 0.0)
-    idle = YadeEngine(state)._server
+    idle = YadeEngine(state).server
     with pytest.raises(PhysicsError, match="YADE stopped"):
         idle.ask("advance")
     idle.close()
-    assert idle._process.returncode == 0
+    assert idle.process.returncode == 0
 
 
 def test_a_long_advance_is_no_silence(state, monkeypatch):
     """The server reports between time steps that it is alive, here after each step, as if a step took 10 s."""
-    monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
+    monkeypatch.setattr(server, "IDLE", type(server.IDLE)(list))
     engine = PeekingEngine(state)
     engine.evaluate("setattr(__import__('server'), 'SILENCE', 0.0)")
     names, receive = [], server.receive
@@ -133,7 +133,7 @@ def test_another_version_is_refused():
 def test_an_error_inside_yade_is_one_line_and_the_server_is_of_use_afterwards(state):
     engine = YadeEngine(state)
     with pytest.raises(PhysicsError, match=r"YADE stopped: KeyError: 'steps'$"):
-        engine._server.ask("advance")
+        engine.server.ask("advance")
     engine.load(state)
     assert engine.state().number_of_grains == state.number_of_grains
 
@@ -151,6 +151,6 @@ def test_a_program_that_is_not_yade_is_reported(lines, quoted, state, tmp_path, 
     program.write_text("#!/bin/sh\n" + "".join(f"echo '{line}'\n" for line in lines) + "exit 3\n")
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
-    monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
+    monkeypatch.setattr(server, "IDLE", type(server.IDLE)(list))
     with pytest.raises(PhysicsError, match=f"^{CRASH} 3, its last line: {quoted}"):
         lk.run(state, PATH, engine="yade", progress=False)

@@ -65,7 +65,7 @@ def has_ended(file):
 def test_a_yade_that_does_not_start_is_given_up(sheared_state, tmp_path, monkeypatch):
     _, file = sleeping(tmp_path, "yade")
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
-    monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
+    monkeypatch.setattr(server, "IDLE", type(server.IDLE)(list))
     monkeypatch.setattr(server, "START", 1.0)
     with pytest.raises(PhysicsError, match="YADE did not start within 1 s: start it by hand"):
         lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), engine="yade", progress=False)

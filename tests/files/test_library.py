@@ -13,7 +13,7 @@ import xarray as xr
 
 import labkit as lk
 from labkit.files.library import LIBRARY
-from labkit.process.blas import _switches, one_blas_thread
+from labkit.process.blas import one_blas_thread, thread_switches
 from labkit.results.dataset import open_records
 from tests.conftest import PATIENCE, ROOT
 
@@ -99,7 +99,7 @@ def test_a_run_leaves_the_collection_of_garbage_to_python(soft_specimen, tmp_pat
 
 
 def test_one_of_two_tasks_that_ends_leaves_the_other_one_blas_thread():
-    before = [count() for count, _ in _switches()]
+    before = [count() for count, _ in thread_switches()]
     inside, leave = threading.Event(), threading.Event()
 
     def task():
@@ -111,10 +111,10 @@ def test_one_of_two_tasks_that_ends_leaves_the_other_one_blas_thread():
     with one_blas_thread():
         other.start()
         inside.wait(PATIENCE)
-    assert {count() for count, _ in _switches()} <= {1}
+    assert {count() for count, _ in thread_switches()} <= {1}
     leave.set()
     other.join()
-    assert [count() for count, _ in _switches()] == before
+    assert [count() for count, _ in thread_switches()] == before
 
 
 def test_the_lock_is_not_waited_for_when_python_frees_a_file():

@@ -14,7 +14,7 @@ from labkit.model.controls import Mixed, Oedometer, model_path, strain_control
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import Model
-from labkit.model.rates import _solve
+from labkit.model.rates import solve_linear
 from labkit.model.state import ModelState, inherent_anisotropy, isotropic_force_anisotropy, isotropic_state
 from tests.model.random_states import AXIS, deviator, rotation
 from tests.model.scalar_formulas import scalar_rates, scalar_stress
@@ -272,11 +272,11 @@ def test_rates_of_held_stresses_are_solved_for_like_numpy(rows):
     A, b = rng.normal(size=(rows, rows)), rng.normal(size=rows)
     A[0, 0] = 0.0 if rows > 1 else 2.0  # rows must be exchanged
     v = b.copy()
-    assert _solve(A.copy(), v)
+    assert solve_linear(A.copy(), v)
     np.testing.assert_allclose(v, np.linalg.solve(A, b), rtol=1e-10)
     for wrong in (0.0, np.nan):
         A[-1] = wrong
-        assert not _solve(A.copy(), b.copy())
+        assert not solve_linear(A.copy(), b.copy())
 
 
 def test_a_pressure_may_have_a_unit():

@@ -29,7 +29,7 @@ NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
 @once
 def library() -> ctypes.CDLL:
     """Load the library, and compile it first if necessary. Raises InputError."""
-    found = _load(_file())
+    found = load_library(library_file())
     require_layout(found)
     return found
 
@@ -43,7 +43,7 @@ def require_layout(found: ctypes.CDLL) -> None:
             )
 
 
-def _load(file: Path) -> ctypes.CDLL:
+def load_library(file: Path) -> ctypes.CDLL:
     """Load a copy of the library in memory, which nobody can change while it is in use. Raises InputError."""
     content = build.read_whole(file)
     if content is None:
@@ -64,7 +64,7 @@ def _load_file(file: Path) -> ctypes.CDLL:
         raise InputError(f"the kernel of labkit cannot be loaded: {error}") from None
 
 
-def _file() -> Path:
+def library_file() -> Path:
     """Return the path of the library: in the package, or in the user's cache if the package is not writable."""
     file = build.HERE / build.library_name()
     if build.read_whole(file):

@@ -113,12 +113,12 @@ def address_of(
                 return address  # a process that did not wait longer was faster: all go on with one code
             if file is not None:
                 write_code(file, code)
-        return _load(name, code)
+        return load_function(name, code)
 
 
 def _load_stored(name: str, files: Iterable[Path]) -> int:
     """Return the address of a function from the first file that contains it; 0 if none does."""
-    return next(filter(None, (_load(name, code) for file in files if (code := _read(file)))), 0)
+    return next(filter(None, (load_function(name, code) for file in files if (code := read_code(file)))), 0)
 
 
 def is_kept(name: str, stamp: str) -> bool:
@@ -172,7 +172,7 @@ def compiled_folder() -> Path | None:
     return folder and private_folder(folder / "labkit")
 
 
-def _read(file: Path) -> bytes | None:
+def read_code(file: Path) -> bytes | None:
     """Return the code in a file, or None if it is missing, incomplete, or stored under another name."""
     try:
         data = file.read_bytes() if file.parent == SHIPPED else read_private(file)
@@ -248,7 +248,7 @@ def compile_code(
     return emit_object(compiled.inspect_llvm(), compiled.native_name, name, machine)
 
 
-def _load(name: str, code: bytes) -> int:
+def load_function(name: str, code: bytes) -> int:
     """Return the address of a function in object code, 0 if it does not contain the function."""
     key = name, code
     if key not in _LOADED:
@@ -267,4 +267,4 @@ def code_of(addresses: Iterable[int]) -> list[tuple[str, bytes] | None]:
 
 def load_code(codes: Iterable[tuple[str, bytes] | None]) -> list[int]:
     """Return the addresses of the functions that `code_of` returned, perhaps in another process."""
-    return [0 if code is None else _load(*code) for code in codes]
+    return [0 if code is None else load_function(*code) for code in codes]

@@ -77,7 +77,7 @@ def run_workflow(
         environment.pop("SNAKEMAKE_PROFILE", None)  # Snakemake would look for it in the folder first
         if profile is None:
             environment[layout.PROCESS] = str(os.getpid())
-        return _watch(snakemake_command(cores, profile), folder, progress, environment)
+        return watch(snakemake_command(cores, profile), folder, progress, environment)
 
 
 def forget(notes: Path) -> None:
@@ -86,7 +86,7 @@ def forget(notes: Path) -> None:
         shutil.rmtree(notes / name, ignore_errors=True)
 
 
-def _watch(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
+def watch(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
     """Run Snakemake, report its progress and write its output to the log; returns its exit code.
 
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.

@@ -7,7 +7,7 @@ from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
 
 from analysis.statistics import adjusted, cluster_mean, paired_difference, verdict
-from analysis.statistics.one_line import RATIOS, _Mixed, one_line
+from analysis.statistics.one_line import RATIOS, MixedModel, one_line
 from analysis.statistics.stationarity import slope_of, slope_table, stationarity_table
 
 
@@ -118,7 +118,7 @@ def test_the_likelihood_of_shared_specimens_is_that_of_statsmodels(rng):
     columns = np.column_stack([np.ones(30), rng.normal(size=30)])
     y = columns @ [1.0, 2.0] + rng.normal(size=10)[specimen] + 0.5 * rng.normal(size=30)
     best = [MixedLM(y, columns[:, :k], groups=specimen).fit(reml=False).llf for k in (1, 2)]
-    own = [_Mixed(columns[:, :k], specimen[:, None] == specimen).likelihood(y[:, None])[0] for k in (1, 2)]
+    own = [MixedModel(columns[:, :k], specimen[:, None] == specimen).likelihood(y[:, None])[0] for k in (1, 2)]
     assert own[1] - own[0] == pytest.approx(best[1] - best[0], abs=0.1)
     assert RATIOS[0] == 0.0
 

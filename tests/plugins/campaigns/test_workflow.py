@@ -399,5 +399,5 @@ time.sleep(3600)
     monkeypatch.setattr(workflow, "PATIENCE", 0.1)
     (tmp_path / "logs").mkdir()
     with pytest.raises(Interrupted) as ended:
-        workflow._watch([sys.executable, "-c", script], tmp_path, interrupt, dict(os.environ))
+        workflow.watch([sys.executable, "-c", script], tmp_path, interrupt, dict(os.environ))
     assert ended.value.code == 143
