@@ -253,8 +253,8 @@ def start_followers(size: int, threads: int) -> Ranks:
     if mpi.COMM_WORLD.size > 1:
         raise InputError("start labkit without mpiexec: it starts the ranks itself")
     output, port = tempfile.TemporaryFile(), mpi.Open_port()
-    own = {} if os.environ.get(LAUNCHER) else MEMORY
-    environment = {**own, **FREED, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
+    memory = {} if os.environ.get(LAUNCHER) else MEMORY
+    environment = {**memory, **FREED, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
     program = [sys.executable, "-P", "-m", "labkit.engines.followers", port.encode().hex()]
     # in another folder, because MPI reads settings from the current one
     process = start_process(

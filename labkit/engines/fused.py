@@ -327,7 +327,7 @@ class FusedEngine(Engine):
         contacts = contacts_among(pairs, position, self._start.radius, self._cell, of_law.columns if law.far else {})
         contact_grain, contact_shift, order, sign = contacts
         rows = (np.where(self.packing.odd, sign, 1) * pairs.rows.take(order, 0)).astype(float)
-        known = columns_in(rows, of_law.columns)
+        history = columns_in(rows, of_law.columns)
         start, moved = self._start, {} if self._bodies is None else self._bodies.motion()
         return start.replace(
             position=position,
@@ -337,7 +337,7 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=contact_grain,
             contact_shift=contact_shift,
-            **history_fields(law.columns, known, len(order)),
+            **history_fields(law.columns, history, len(order)),
             time=self._time,
             step=self._step,
             engine=self.name,

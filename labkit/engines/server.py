@@ -294,10 +294,10 @@ class ServedEngine(Engine):
         self._extra = {name: array for name, array in answer.arrays.items() if name not in STATE}
         pair, shift, order, sign = sort_contacts(arrays["contact_grain"], arrays["contact_shift"])
         arrays |= {"contact_grain": pair, "contact_shift": shift}
-        known = {name: sign * answer.arrays[name][order] for name in answer.arrays.keys() & columns.keys()}
+        history = {name: sign * answer.arrays[name][order] for name in answer.arrays.keys() & columns.keys()}
         return self._loaded.replace(
             **arrays,
-            **history_fields({}, known, len(pair)),
+            **history_fields({}, history, len(pair)),
             time=values["time"],
             step=self._step,
             engine=self.name,

@@ -14,8 +14,8 @@ def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
         pair: Indices of the two grains, (n, 2).
         shift: Periodic shift of the second grain, in cell vectors, (n, 3).
     """
-    backwards, own = pair[:, 0] > pair[:, 1], pair[:, 0] == pair[:, 1]
-    backwards[own] = np.sign(shift[own]) @ np.array([9, 3, 1]) < 0
+    backwards, periodic = pair[:, 0] > pair[:, 1], pair[:, 0] == pair[:, 1]
+    backwards[periodic] = np.sign(shift[periodic]) @ np.array([9, 3, 1]) < 0
     return backwards
 
 

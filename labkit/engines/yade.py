@@ -34,10 +34,10 @@ def yade_program() -> str | None:
     interpreter, then $CONDA_PREFIX/bin (for labkit in a conda environment that is not active). `yadedaily` is the
     program in YADE's own Debian packages.
     """
-    own = [str(Path(sys.executable).parent)]
+    beside = [str(Path(sys.executable).parent)]
     conda = [str(Path(os.environ["CONDA_PREFIX"]) / "bin")] if os.environ.get("CONDA_PREFIX") else []
-    found = (shutil.which(name, path=place) for place in (None, *own, *conda) for name in PROGRAMS)
-    return next(filter(None, found), None)
+    programs = (shutil.which(name, path=place) for place in (None, *beside, *conda) for name in PROGRAMS)
+    return next(filter(None, programs), None)
 
 
 def find_yade() -> str:

@@ -68,11 +68,11 @@ def resistance(run: xarray.Dataset) -> dict[str, float]:
         problem = "goes on from undrained loading: its earlier cycles are in another run"
         raise InputError(problem, field="run", value=run.attrs["path"], allowed="a test from its first cycle")
     p_0 = float(mean_stress(start))
-    found = run.lab.liquefaction("axial" if shear else None)
+    liquefaction = run.lab.liquefaction("axial" if shear else None)
     csr = path.amplitude / (start[2, 2] if shear else 2.0 * p_0)
     return {
         "CSR": float(csr),
         "p_0_Pa": p_0,
-        "cycles": found.cycles,
-        **{name: getattr(found, name) for name in CRITERIA},
+        "cycles": liquefaction.cycles,
+        **{name: getattr(liquefaction, name) for name in CRITERIA},
     }

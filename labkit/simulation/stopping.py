@@ -34,7 +34,7 @@ class Stopping:
     path: Path
     recorder: Recorder
     tell: Callable[[str], None]
-    told: bool = False
+    message_shown: bool = False
 
     def __post_init__(self) -> None:
         """Note whether the signal came before the run, which then does not begin."""
@@ -45,8 +45,8 @@ class Stopping:
         signals = self.signals
         if not signals.caught or self.late or isinstance(self.recorder.output, RunInMemory):
             return bool(signals.caught)
-        if not self.told:
-            self.told = True
+        if not self.message_shown:
+            self.message_shown = True
             self.tell(f"signal {signals.caught}: stops at the next save, after a second signal at once")
         return signals.repeated or signals.age > AT_ONCE
 

@@ -59,11 +59,11 @@ def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progre
     low, high, share, text = 0.0, 1.0, FIRST_SHARE, ""
     trials: list[tuple[float, float]] = []
     for trial in range(TRIALS):
-        made = compress_gas(scene, trial_recipe(recipe, share, scene), device, _of_trial(trial, text, progress))
-        reached = void_ratio_nominal(made.snapshot())
+        compressed = compress_gas(scene, trial_recipe(recipe, share, scene), device, _of_trial(trial, text, progress))
+        reached = void_ratio_nominal(compressed.snapshot())
         text = f"{share:.1%} of the friction: void ratio {reached:.4f}"
         if abs(reached - recipe.void_ratio) < recipe.tolerance:
-            return made.replace(recipe=recipe.to_json())
+            return compressed.replace(recipe=recipe.to_json())
         trials.append((share, reached))
         end = 1.0 if reached < recipe.void_ratio else 0.0
         if share == end or scene.friction == scene.rolling_friction == 0.0:

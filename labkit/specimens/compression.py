@@ -51,18 +51,18 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
         settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, f"{FIRST}: {text}"))
         engine.load(open_ledger(_with_scene(engine.state(), scene, device)))
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.2 * f, f"{SECOND}: {text}"))
-        made = reload(engine).at_rest()
+        packed = reload(engine).at_rest()
         if recipe.cell == "free":
-            made = level_stress(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text))
+            packed = level_stress(packed, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text))
     else:
         target = path_to(recipe.pressure, recipe.cell)
         soft_state = bring_to(state, target, device, lambda f, text: progress(0.5 + 0.3 * f, text))
         switched = _with_scene(soft_state, scene, device)
-        made = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.1 * f, text))
+        packed = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.1 * f, text))
         if recipe.fabric in SIGNS:
-            sheared = shear_and_return(made, SIGNS[recipe.fabric], target, device)
-            made = bring_to(sheared, target, device, lambda f, text: progress(0.9 + 0.1 * f, text))
-    return made.replace(recipe=recipe.to_json())
+            sheared = shear_and_return(packed, SIGNS[recipe.fabric], target, device)
+            packed = bring_to(sheared, target, device, lambda f, text: progress(0.9 + 0.1 * f, text))
+    return packed.replace(recipe=recipe.to_json())
 
 
 def _gas(scene: Scene, recipe: Recipe) -> State:

@@ -126,15 +126,15 @@ def approach(
     control = path.control()
     if control is None:
         raise InputError(f"path {path.name} holds no stress: choose a path that does")
-    kept = Interim(interim, specimen, path, device)
-    state = kept.resume()
+    saved = Interim(interim, specimen, path, device)
+    state = saved.resume()
     begin = state.step if state else 0
     abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest(), guarded))))
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
-        kept.keep(state, signals)
+        saved.keep(state, signals)
         snapshot = state.snapshot()
         if guarded:
             require_balanced(state, snapshot)
@@ -142,7 +142,7 @@ def approach(
         progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
         force = unbalanced_force(snapshot)
         if step and error < TOLERANCE and force < unbalanced:
-            kept.remove()
+            saved.remove()
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
@@ -213,8 +213,8 @@ class Interim:
             return None
         if state.history != self._key:
             return None
-        kept = self._specimen
-        return state.replace(history=kept.history, recipe=kept.recipe, provenance=kept.provenance)
+        specimen = self._specimen
+        return state.replace(history=specimen.history, recipe=specimen.recipe, provenance=specimen.provenance)
 
     def keep(self, state: State, signals: Signals) -> None:
         """Save a state if a save is due. Raises Interrupted, after saving the state, if a signal was caught."""

@@ -55,10 +55,10 @@ def library_name(system: str = platform.system(), machine: str = platform.machin
 def compiler() -> list[str]:
     """Return the command of a C++ compiler: $CXX, g++, c++, clang++ or zig (ziglang). Raises CannotCompile."""
     try:
-        given = shlex.split(os.environ.get("CXX", ""))
+        compiler = shlex.split(os.environ.get("CXX", ""))
     except ValueError:
         raise CannotCompile(f"CXX={os.environ['CXX']} has a quote without its partner: give CXX=g++, say") from None
-    for words in (given, ["g++"], ["c++"], ["clang++"]):
+    for words in (compiler, ["g++"], ["c++"], ["clang++"]):
         if words and shutil.which(words[0]):
             return words
     if importlib.util.find_spec("ziglang"):

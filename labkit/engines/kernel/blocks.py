@@ -129,19 +129,20 @@ def law_functions(law: ContactLaw, needs: Needs) -> list[tuple[str, Write, str |
 
 def shared_functions(needs: Needs) -> list[tuple[str, Write, str]]:
     """Return the functions that do not depend on the law, as arguments of `address_of`."""
-    own, called = stamp_of(), MOTION | BODIES if needs.clumps else MOTION
+    stamp, called = stamp_of(), MOTION | BODIES if needs.clumps else MOTION
     return [
-        (of.__name__[1:], functools.partial(of, needs), f"{own}{needs.pattern(*names)}") for of, names in called.items()
+        (of.__name__[1:], functools.partial(of, needs), f"{stamp}{needs.pattern(*names)}")
+        for of, names in called.items()
     ]
 
 
 @contextlib.contextmanager
 def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> Iterator[None]:
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
-    kept = all(is_kept(name, stamp) for name, _, stamp in functions)
+    complete = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
     idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()  # otherwise it costs time
-    if idle and not kept and compiled_folder() is not None:
+    if idle and not complete and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed
             process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)

@@ -91,9 +91,9 @@ def names_of(function: Function) -> dict[str, object]:
 
     They include globals with the same name as an attribute in the function, which labkit's own functions do not have.
     """
-    code, known = function.__code__, function.__globals__
+    code, scope = function.__code__, function.__globals__
     enclosed = zip(code.co_freevars, function.__closure__ or (), strict=True)
-    used = {name: known[name] for name in _names_in(code) if name in known}
+    used = {name: scope[name] for name in _names_in(code) if name in scope}
     return used | {name: cell.cell_contents for name, cell in enclosed}
 
 
@@ -104,11 +104,11 @@ def callees(function: Function) -> dict[str, Function]:
 
 def all_functions(*functions: Function) -> Iterator[Function]:
     """Yield functions and all plain Python functions that they call, each once."""
-    found: dict[Function, None] = {}
+    functions_seen: dict[Function, None] = {}
     waiting = list(functions)
     while waiting:
         function = waiting.pop()
-        if function not in found:
-            found[function] = None
+        if function not in functions_seen:
+            functions_seen[function] = None
             waiting += callees(function).values()
-    yield from found
+    yield from functions_seen

@@ -29,15 +29,15 @@ NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
 @once
 def library() -> ctypes.CDLL:
     """Load the library, and compile it first if necessary. Raises InputError."""
-    found = load_library(library_file())
-    require_layout(found)
-    return found
+    host_library = load_library(library_file())
+    require_layout(host_library)
+    return host_library
 
 
-def require_layout(found: ctypes.CDLL) -> None:
+def require_layout(host_library: ctypes.CDLL) -> None:
     """Raise InputError if the numbers and structs of the library differ from those that labkit uses."""
     for name, numbers in COMPILED.items():
-        if tuple((ctypes.c_int64 * len(numbers)).in_dll(found, name)) != numbers:
+        if tuple((ctypes.c_int64 * len(numbers)).in_dll(host_library, name)) != numbers:
             raise InputError(
                 f"labkit/engines/kernel/layout.py and {name} in labkit/engines/host differ: install labkit again"
             )
@@ -244,12 +244,12 @@ def find_touching(
         cell: Cell vectors as columns, (3, 3), in m.
     """
     n, grains = len(pairs), len(radius)
-    found = np.empty(n, np.int64)
+    touching = np.empty(n, np.int64)
     arrays = (
         as_indices(np.int64, pairs, grains, n, 2),
         as_array(np.int32, shift, n, 3),
         n,
         as_array(float, position, grains, 3),
     )
-    count = call("find_touching", *arrays, as_array(float, radius, grains), as_array(float, cell, 3, 3), found)
-    return found[:count].astype(np.intp, copy=False)
+    count = call("find_touching", *arrays, as_array(float, radius, grains), as_array(float, cell, 3, 3), touching)
+    return touching[:count].astype(np.intp, copy=False)

@@ -63,12 +63,12 @@ machine.emit_object(llvm.parse_assembly("define double @f(double %x) { ret doubl
 
 def _require_processor() -> None:
     """Raise InputError if an environment variable names a processor, or instructions, that LLVM does not know."""
-    given = {name: os.environ[name] for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES") if name in os.environ}
-    if given:
-        name, instructions = given.get("NUMBA_CPU_NAME", ""), given.get("NUMBA_CPU_FEATURES", "")
+    environment = {name: os.environ[name] for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES") if name in os.environ}
+    if environment:
+        name, instructions = environment.get("NUMBA_CPU_NAME", ""), environment.get("NUMBA_CPU_FEATURES", "")
         words = [sys.executable, "-P", "-c", PROBE, name or llvm.get_host_cpu_name(), instructions]
         if subprocess.run(words, capture_output=True, check=False).returncode:
-            listed = " and ".join(f"{name} is {value!r}" for name, value in given.items())
+            listed = " and ".join(f"{name} is {value!r}" for name, value in environment.items())
             raise InputError(f"LLVM cannot compile for the processor of the environment: {listed}: unset it")
 
 
@@ -165,10 +165,10 @@ def hash_files(files: Iterable[str | Path]) -> str:
 @functools.cache
 def compiled_folder() -> Path | None:
     """Return the folder of compiled code, or None; only this user may write to it, because labkit executes the code."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    if not given:
+    place = os.environ.get("NUMBA_CACHE_DIR")
+    if not place:
         return cache_folder("compiled")
-    folder = private_folder(Path(given))
+    folder = private_folder(Path(place))
     return folder and private_folder(folder / "labkit")
 
 

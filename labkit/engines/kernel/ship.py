@@ -78,9 +78,9 @@ def ship(folder: Path, levels: tuple[str, ...] = tuple(LEVELS)) -> None:
     """Compile levels in separate processes, because Numba compiles for only one processor per process."""
     folder.mkdir(parents=True, exist_ok=True)
     for level in levels:
-        own = {"NUMBA_CPU_NAME": LEVELS.get(level, "generic"), "NUMBA_CPU_FEATURES": "-prefer-256-bit"}
+        target = {"NUMBA_CPU_NAME": LEVELS.get(level, "generic"), "NUMBA_CPU_FEATURES": "-prefer-256-bit"}
         words = [sys.executable, "-P", "-m", __spec__.name, str(folder), level]
-        subprocess.run(words, env={**os.environ, **own}, check=True)
+        subprocess.run(words, env={**os.environ, **target}, check=True)
 
 
 if __name__ == "__main__":

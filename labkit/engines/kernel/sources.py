@@ -118,11 +118,11 @@ def stamp_of(law: ContactLaw | None = None, composition: Composition | None = No
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__, stress.__file__}
     used, complete = list[str](), True
     if law is not None and composition is not None:
-        given = functions_of(composition)
-        functions = list(all_functions(*given.values()))
+        parts = functions_of(composition)
+        functions = list(all_functions(*parts.values()))
         files |= {function.__code__.co_filename for function in functions}
         files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
-        frozen = describe(*given.values())
+        frozen = describe(*parts.values())
         used, complete = [frozen.text], frozen.complete
     if not complete or not all(Path(file).is_file() for file in files):
         return None

@@ -55,12 +55,12 @@ def require_loadable(state: State) -> None:
 
 def history_of(state: State, columns: Mapping[str, Any]) -> History:
     """Return the contact history of a state, with the columns of the parts that act in the scene."""
-    known = state.history_columns
-    if columns.keys() - known.keys():
-        known = state.scene.contact_law.history_at(overlaps(state), known)
+    history = state.history_columns
+    if columns.keys() - history.keys():
+        history = state.scene.contact_law.history_at(overlaps(state), history)
     rows = np.zeros((len(state.contact_grain), sum(column.size for column in columns.values())))
     for name, values in columns_in(rows, columns).items():
-        values[:] = known[name]
+        values[:] = history[name]
     return History(
         np.array(state.contact_grain.T, np.int32, order="C"),  # a copy, whose indices nobody changes any more
         np.ascontiguousarray(state.contact_shift, np.int32),
@@ -82,10 +82,10 @@ def contacts_among(
         cell: Cell vectors as columns, (3, 3), in m.
         columns: Columns of history of which some join two grains even across a gap; empty if none does.
     """
-    kept = find_touching(pairs.grain, pairs.shift, position, radius, cell)
+    chosen = find_touching(pairs.grain, pairs.shift, position, radius, cell)
     if columns:
-        known = columns_in(pairs.rows, columns)
-        joined = [known[name] != 0.0 for name, column in columns.items() if column.joins]
-        kept = np.union1d(kept, np.flatnonzero(np.any(joined, axis=0)))
-    grain, shift, order, sign = sort_contacts(pairs.grain.take(kept, 0), pairs.shift.take(kept, 0))
-    return grain, shift, kept[order], sign
+        history = columns_in(pairs.rows, columns)
+        joined = [history[name] != 0.0 for name, column in columns.items() if column.joins]
+        chosen = np.union1d(chosen, np.flatnonzero(np.any(joined, axis=0)))
+    grain, shift, order, sign = sort_contacts(pairs.grain.take(chosen, 0), pairs.shift.take(chosen, 0))
+    return grain, shift, chosen[order], sign

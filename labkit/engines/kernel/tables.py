@@ -43,9 +43,9 @@ class PointerTable:
             wanted = np.dtype(real if kind == "real" else kind)
             array = getattr(value, name)
             array = array if lengths else np.array(array, wanted)
-            known = zip(lengths, array.shape, strict=False)
-            found = [sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in known]
-            fits = array.ndim == len(lengths) and list(array.shape) == found
+            axes = zip(lengths, array.shape, strict=False)
+            expected = [sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in axes]
+            fits = array.ndim == len(lengths) and list(array.shape) == expected
             if array.dtype != wanted or not fits or not array.flags.c_contiguous:
                 raise ValueError(f"{self.kind.__name__}.{name}: {array.dtype} {array.shape}, not {wanted} {lengths}")
             arrays.append(array)

@@ -84,8 +84,8 @@ def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], option
 
         numba.extending.overload(operation, jit_options=options)(implementation)
 
-    for one in operators:
-        teach(*one)
+    for implemented in operators:
+        teach(*implemented)
 
 
 class Translation:

@@ -43,11 +43,11 @@ class CarriedExchange(Exchange):
     ) -> None:
         """Let the other ranks know which of their grains this rank needs."""
         super().__init__(ranks, packing.arrays, 0, len(packing.arrays.contact_first))
-        own, self._place_images = len(packing.arrays.start), place_images
+        domains, self._place_images = len(packing.arrays.start), place_images
         label, rank = label.take(packing.order), rank.take(packing.order)
-        needed = [own + np.flatnonzero(rank[own:] == q) for q in range(ranks.size)]
+        needed = [domains + np.flatnonzero(rank[domains:] == q) for q in range(ranks.size)]
         asked = ranks.comm.alltoall([label[sites] for sites in needed])
-        by = np.argsort(label[:own])
+        by = np.argsort(label[:domains])
         self._into = self._records(dict(enumerate(needed)))
         self._out = self._records({q: by[np.searchsorted(label[by], wanted)] for q, wanted in enumerate(asked)})
 
@@ -152,10 +152,10 @@ class LammpsEngine(FusedEngine):
         before = self._label[self._rank == self._comm.rank]
         grains, self._rank = self._carrier.carry(self._cell, reach, *kinematics)
         del kinematics
-        self._label, own = grains.label, self._rank == self._comm.rank
-        history = self._follow_grains(before, grains.label[own], history)
+        self._label, mine = grains.label, self._rank == self._comm.rank
+        history = self._follow_grains(before, grains.label[mine], history)
         self._solids = self._solids_of(grains.radius)
-        self._solids[~own, 1:] = 0.0
+        self._solids[~mine, 1:] = 0.0
         super()._search(grains.kinematics, history)
 
     def _follow_grains(self, before: np.ndarray, now: np.ndarray, history: History) -> History:

@@ -130,12 +130,12 @@ class LawPart:
 
 def _require_signatures(part: type[LawPart]) -> None:
     """Raise InputError if a function of a part does not accept the arguments that its base class accepts."""
-    for name, own in vars(part).items():
+    for name, function in vars(part).items():
         base = next((vars(one)[name] for one in part.__mro__[1:] if name in vars(one)), None)
-        own, base = (getattr(one, "__func__", one) for one in (own, base))  # of a staticmethod
-        if name.startswith("__") or not (inspect.isfunction(own) and inspect.isfunction(base)):
+        function, base = (getattr(one, "__func__", one) for one in (function, base))  # of a staticmethod
+        if name.startswith("__") or not (inspect.isfunction(function) and inspect.isfunction(base)):
             continue
-        written, needed = inspect.signature(own), inspect.signature(base)
+        written, needed = inspect.signature(function), inspect.signature(base)
         required = [one for one in needed.parameters.values() if one.default is one.empty]
         try:
             written.bind(*required)
