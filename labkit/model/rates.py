@@ -133,7 +133,7 @@ def _size(v):
     return np.sqrt(total)
 
 
-def solve_linear(A, b):
+def solve_linear(A: np.ndarray, b: np.ndarray) -> bool:
     """Solve A v = b by Gaussian elimination with pivoting; v overwrites b. False if A is singular or not finite.
 
     For the few rows of a control this compiles several times faster than np.linalg.solve.

@@ -146,7 +146,7 @@ def test_path_files_their_tables_and_sieve_curves_are_inputs(soft_specimen, labk
     measured += ["--column", "axial_strain=e:%:compression"]
     measured += ["axial_stress=s1:kPa:compression", "radial_stress=s3:kPa:compression"]
     measured += ["volumetric_strain=v:%:compression"]
-    (tmp_path / "lab.csv").write_text("e,s1,s3,v\n0,100,100,0\n1,150,100,0.1\n2,160,100,0.1\n")
+    (tmp_path / "lab.csv").write_text("e,s1,s3,v\n0,100,100,0\n0.05,150,100,0.01\n0.09,160,100,0.02\n")
     for words, output, inputs in (
         (run, "r.run.nc", ["s.state.nc", "p.yaml", "t.csv"]),
         (made, "c.state.nc", ["curve.csv"]),

@@ -124,11 +124,12 @@ def read_measured(
     require_accepted(findings, accept, "reads")
     notes = [*table.notes, *(f"{quantity} counts from the first row" for quantity in zeroed), *map(str, findings)]
     records, path = _up_to_strain(records, path, notes)
+    stored = dataclasses.asdict(path)
     attributes = {
         "engine": LABORATORY,
         "scene": Scene().to_json(),
         "path": path.name,
-        "path_parameters": json.dumps({field: getattr(path, field) for field in parameters_of(type(path))}),
+        "path_parameters": json.dumps({name: stored[name] for name in parameters_of(type(path))}),
         "complete": np.int32(1),
         "source": source,
         "licence": licence,
@@ -176,7 +177,7 @@ def preview(measured: Run) -> str:
 
 def _up_to_strain(records: dict[str, np.ndarray], path: Path, notes: list[str]) -> tuple[dict[str, np.ndarray], Path]:
     """Return the records up to the strain of the path, and the path up to the last of them, with a note."""
-    if path.cyclic:
+    if path.cyclic or path.has_programmes:  # their strain follows from their reversals, or steps
         return records, path
     within = np.abs(records["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
     if not within.any() or not records["axial_strain"][within].any():
