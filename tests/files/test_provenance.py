@@ -152,7 +152,7 @@ def test_path_files_their_tables_and_sieve_curves_are_inputs(soft_specimen, labk
         (made, "c.state.nc", ["curve.csv"]),
         ([*on_model, "-o", "m.run.nc"], "m.run.nc", ["p.yaml", "t.csv", "m.json"]),
         ([*measured, "-o", "l.run.nc"], "l.run.nc", ["p.yaml", "t.csv", "lab.csv"]),
-        (["figure", "records", "r.run.nc", "-o", "f.png"], "f.png", ["r.run.nc"]),
+        (["figure", "test", "r.run.nc", "-o", "f.png"], "f.png", ["r.run.nc"]),
     ):
         done = labkit_command(*words, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
