@@ -25,6 +25,7 @@ from labkit.micro.stress import mean_stress
 from labkit.results import tables
 from labkit.results.endings import path_and_origin
 from labkit.results.of_records import OfRecords
+from labkit.results.selections import find_records, require_records
 from labkit.sff.budget import PARTS, error_budget
 from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 from labkit.sff.family import FORMS, stress
@@ -74,16 +75,8 @@ class Lab(OfRecords):
         return self._run[name].isel(time=self._run["record"].copy(data=self.snapshot_records()))
 
     def snapshot_records(self) -> np.ndarray:
-        """Return the index along `time` of the record of each snapshot, (snapshot,), also in a selection of records.
-
-        Raises InputError if the selection lacks the record of a snapshot.
-        """
-        records = self._find_records()
-        if (missing := np.flatnonzero(records < 0)).size:
-            holds = [int(k) for k in np.flatnonzero(records >= 0)]
-            problem = f"this selection of records lacks those of snapshots {', '.join(map(str, missing))}"
-            raise InputError(f"{problem}: select the other snapshots too, run.isel(time=..., snapshot={holds})")
-        return records
+        """Return the index along `time` of each snapshot's record, (snapshot,). Raises InputError if one is missing."""
+        return require_records(self._run)
 
     def to_dataframe(self, units: bool = False) -> pandas.DataFrame:
         """Return the records as a pandas.DataFrame, one row per record; contacts and grains are not read.
@@ -308,7 +301,7 @@ class Lab(OfRecords):
         unknown. `birth_strain` is the strain at birth, and `lifetime` the strain accumulated until death, or until the
         last snapshot if alive.
         """
-        lives, strain = self._lives, self._accumulated_at_snapshots()
+        lives, strain = self._lives, self.accumulated_strain().values[self.snapshot_records()]
         alive = lives.death == self.number_of_snapshots
         end = strain[np.minimum(lives.death, len(strain) - 1)] if len(strain) else np.zeros(0)
         return xr.Dataset(
@@ -324,7 +317,7 @@ class Lab(OfRecords):
 
     def contact_changes(self) -> xr.Dataset:
         """Return contacts gained, lost and kept since the previous snapshot, and their mean age, along `snapshot`."""
-        lives, strain = self._lives, self._accumulated_at_snapshots()
+        lives, strain = self._lives, self.accumulated_strain().values[self.snapshot_records()]
         with np.errstate(invalid="ignore", divide="ignore"):
             age = lives.age_sum(strain) / lives.contacts
         columns = {name: ("snapshot", getattr(lives, name)) for name in ("contacts", "gained", "lost", "kept")}
@@ -338,12 +331,8 @@ class Lab(OfRecords):
         pairs = (self.contacts(k)["contact_grain"].values for k in range(self.number_of_snapshots))
         return follow(pairs, len(self._radius))
 
-    def _accumulated_at_snapshots(self) -> np.ndarray:
-        """Return the accumulated strain of the path at each snapshot, which also grows after reversals."""
-        return self.strain_measure.accumulate(self._run["strain"].values)[self.snapshot_records()]
-
     def _snapshot_coordinates(self) -> dict[str, object]:
-        records = self._find_records()
+        records = find_records(self._run)
         coordinates: dict[str, object] = {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
         if (records >= 0).all():
             coordinates["strain"] = ("snapshot", self.strain().values[records])

@@ -209,19 +209,7 @@ class OfRecords(Accessor):
 
     def step(self, step: int | str) -> xr.Dataset:
         """Return the records of a step of a path file, `2`, or of several, `"4-18"` (results.path_steps)."""
-        return records_of_steps(self._run, self._find_records(), self.path, self._reference, step)
-
-    def _find_records(self) -> np.ndarray:
-        """Return the index along `time` of the record of each snapshot, -1 where a selection of records lacks it.
-
-        The stored `record` counts all records of the file; times, or axial strains without times, identify them.
-        """
-        run, by_time = self._run, "snapshot_time" in self._run.variables
-        values = run["time" if by_time else "axial_strain"].values.tolist() if "time" in run.dims else []
-        first = {value: k for k, value in reversed([*enumerate(values)])}
-        stored, wanted = run["record"].values, run["snapshot_time" if by_time else "snapshot_strain"].values
-        pairs = zip(stored.tolist(), wanted.tolist(), strict=True)
-        return np.array([k if values[k : k + 1] == [value] else first.get(value, -1) for k, value in pairs], dtype=int)
+        return records_of_steps(self._run, self.path, self._reference, step)
 
     def pore_pressure(self, total: str | None = None) -> xr.DataArray:
         """Return the excess pore pressure u = sigma_total - sigma' of undrained loading, DataArray (time), Pa.

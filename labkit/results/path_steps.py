@@ -11,12 +11,13 @@ import xarray
 from labkit.errors import InputError
 from labkit.paths.path import Path
 from labkit.paths.steps import Steps
+from labkit.results.selections import find_records
 
 RANGE = re.compile(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?")
 
 
 def records_of_steps(
-    run: xarray.Dataset, record: np.ndarray, path: Path | None, reference: np.ndarray | None, step: int | str
+    run: xarray.Dataset, path: Path | None, reference: np.ndarray | None, step: int | str
 ) -> xarray.Dataset:
     """Return the records and snapshots of some steps; the first record is the last one of the step before.
 
@@ -25,7 +26,6 @@ def records_of_steps(
 
     Args:
         run: Run opened with labkit.open_run.
-        record: Index of the record of each snapshot, (snapshot,); -1 if the run lacks it.
         path: Path of the run.
         reference: Stress at the start of undrained loading (labkit.quantities.scalars.Facts.reference).
         step: Number of the step, from 1, or the first and the last of several, `4-18`.
@@ -40,6 +40,7 @@ def records_of_steps(
         raise InputError("is not a step of this run", field="step", value=step, allowed=allowed)
     at = np.flatnonzero((number >= first) & (number <= last))
     begin, end = max(int(at[0]) - 1, 0), int(at[-1]) + 1
+    record = find_records(run)
     snapshots = np.flatnonzero((record >= begin) & (record < end))
     part = run.isel(time=slice(begin, end), snapshot=snapshots)
     parameters = json.loads(run.attrs["path_parameters"])
