@@ -171,9 +171,14 @@ def size_at(e: float, at_zero: float, slope: float) -> float:
     return np.maximum(at_zero + slope * e, 0.1)
 
 
+def critical_force_anisotropy(e: float, c: Constants) -> float:
+    """F_c, the norm of F^c in compression, or the straight line of Reversals if K_F > 0."""
+    return size_at(e, c.F_0, c.F_e) if c.K_F > 0.0 else c.F_c
+
+
 def elastic_range(F: Six, e: float, Z: float, n: Six, c: Constants) -> Six:
     """K_F (Z - Z_F) (n - max(0, F:n)/F_c F/F_c), which replaces the right-hand side of C3 (Reversals)."""
-    size = size_at(e, c.F_0, c.F_e)
+    size = critical_force_anisotropy(e, c)
     share = np.maximum(contract(F, n), 0.0) / (size * size)
     return c.K_F * np.maximum(Z - c.Z_F, 0.0) * (n - share * F)
 
@@ -199,8 +204,9 @@ def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> flo
 def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> float:
     """(X - X^c):n, where X = 2/5 A + 2/5 F + 3 F^t is s/p in Eq. 30; positive above the critical stress ratio."""
     A_c, Ft_c = attractor_size(c.A_c, c.A_Z, e, c), attractor_size(c.Ft_c, c.Ft_Z, e, c)
-    weight = 0.4 * (A_c * c.A_b + c.F_c * c.F_b) + 3.0 * Ft_c * c.Ft_b
-    critical = 0.4 * (A_c + c.F_c) + 3.0 * Ft_c - weight
+    F_c = critical_force_anisotropy(e, c)
+    weight = 0.4 * (A_c * c.A_b + F_c * c.F_b) + 3.0 * Ft_c * c.Ft_b
+    critical = 0.4 * (A_c + F_c) + 3.0 * Ft_c - weight
     limit = critical * contract(n, n) + weight * contract(lode_direction(n), n)
     return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - limit
 

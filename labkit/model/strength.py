@@ -15,7 +15,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.stress import deviator, equivalent_stress, lode_angle, mean_stress
-from labkit.model.equations import attractor_size
+from labkit.model.equations import attractor_size, critical_force_anisotropy
 from labkit.model.parameters import TABLE_2, Model
 from labkit.sff.c0 import c0_stress
 
@@ -89,14 +89,16 @@ def attractors(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return A^c, F^c and F^tc of a model for directions n (..., 3, 3) of the strain rate (equations.attractor).
 
-    The void ratio (default: e_cmax) matters only if the model has a DensityDependence.
+    The void ratio (default: e_cmax) matters only if the model has a DensityDependence or Reversals.
     """
     c = model.constants
     e = c.e_cmax if void_ratio is None else void_ratio
     N = np.sqrt(6.0) * deviator(n @ n)
     cosine = np.sum(N * n, axis=(-2, -1), keepdims=True)
     A_c, Ft_c = (attractor_size(*pair, e, c) for pair in ((c.A_c, c.A_Z), (c.Ft_c, c.Ft_Z)))
-    sizes = (A_c, c.A_b, c.A_w), (c.F_c, c.F_b, c.F_w), (Ft_c, c.Ft_b, c.Ft_w)
+    F_c = critical_force_anisotropy(e, c)
+    F_b, F_w = (0.0, 0.0) if c.K_F > 0.0 else (c.F_b, c.F_w)
+    sizes = (A_c, c.A_b, c.A_w), (F_c, F_b, F_w), (Ft_c, c.Ft_b, c.Ft_w)
     A, F, Ft = (size * ((1.0 - b - w * cosine) * n + (b + w) * N) for size, b, w in sizes)
     return A, F, Ft
 

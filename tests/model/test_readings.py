@@ -142,6 +142,11 @@ def test_reversals_make_F_stiff_and_grains_contract(model):
     np.testing.assert_allclose(state_rate(turning, full, n)[9:15], 0.0, atol=1e-12 * K)
     with pytest.raises(InputError, match="K_F"):
         Reversals(K_F=-1.0)
+    extension = -n
+    for D in (n, extension):  # the critical state of `critical_section` is where F stays
+        F = attractors(D, turning, 0.62)[1]
+        rate = state_rate(turning, dataclasses.replace(start, F=F), D)[9:15]
+        np.testing.assert_allclose(rate, 0.0, atol=1e-12 * K)
 
 
 def test_a_model_is_read_back_from_its_file(model):
