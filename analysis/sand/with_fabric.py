@@ -21,6 +21,7 @@ from analysis.sand import karlsruhe, undrained
 from analysis.sand.karlsruhe import LIMITS, OTHERS, SCATTER, USED, grain_tests
 from labkit.errors import PhysicsError
 from labkit.micro import void_ratio_nominal
+from labkit.plugins.laboratory_data import Sample, read_samples
 
 FREE = {
     "friction": (0.2, 0.8),
@@ -32,7 +33,8 @@ FREE = {
 DRAINED = "drained"  # the tests of USED
 TRAINED, LEFT = "200 kPa, e = 0.814", "200 kPa, e = 0.853, extension"  # undrained tests of the samples
 SAMPLES, GRAINS, DRAWS, SANDS = 60, 300, 8, 10
-FIRST_DRAW = 4001  # seed
+FIRST_DRAW, FIRST_SAND, SANDS_SEED = 4001, 5000, 41  # seeds
+LAW = "spring_dashpot"
 SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, from dense to loose
 LEAST_Q = 0.02  # of p_0: below, q counts as this
 DEVIATIONS = (0.03, 0.03, 0.05)  # of the features of an undrained test
@@ -42,10 +44,11 @@ Test = tuple[lk.paths.Path, float, float]  # path, pressure in Pa, void ratio of
 DEVICE = lk.Fused(threads=1, precision="mixed")
 
 
-def scene_of(parameters: Mapping[str, float]) -> lk.Scene:
+def scene_of(parameters: Mapping[str, float], law: str = LAW) -> lk.Scene:
     """Return the grains of a set of parameters."""
     friction = parameters["friction"]
     return lk.Scene(
+        law=law,
         friction=friction,
         rolling_friction=friction * parameters["rolling ratio"],
         young_modulus=10.0 ** parameters["log10 of E"],
@@ -85,22 +88,22 @@ def share_at(parameters: Mapping[str, float], void_ratio: float, limits: list[fl
     return float(np.interp(wanted, np.maximum.accumulate(limits), SHARES))
 
 
-def limits_of(tests: Mapping[str, Test], parameters: Mapping[str, float], seed: int) -> list[float]:
+def limits_of(tests: Mapping[str, Test], scene: lk.Scene, seed: int) -> list[float]:
     """Return the void ratios of specimens made with SHARES, at the lowest pressure of the tests."""
     lowest = min(pressure for _, pressure, _ in tests.values())
-    specimens = (compressed(scene_of(parameters), share, lowest, seed) for share in SHARES)
+    specimens = (compressed(scene, share, lowest, seed) for share in SHARES)
     return [void_ratio_nominal(state.snapshot()) for state in specimens]
 
 
 def repeated(
-    tests: Mapping[str, Test], parameters: Mapping[str, float], seed: int, limits: list[float]
+    tests: Mapping[str, Test], parameters: Mapping[str, float], seed: int, limits: list[float], law: str = LAW
 ) -> Iterator[tuple[str, lk.Run]]:
     """Yield the name and the run of each test; limits: void ratios of SHARES. Raises PhysicsError."""
-    scene = scene_of(parameters)
+    scene = scene_of(parameters, law)
     for name, (path, pressure, void_ratio) in tests.items():
         specimen = compressed(scene, share_at(parameters, void_ratio, limits), pressure, seed)
         specimen = sheared(specimen, parameters["shear"], pressure)
-        stop = "r_u > 0.95" if path.name == "undrained_cycles" else None
+        stop = "r_u > 0.95" if path.cyclic else None
         yield name, lk.run(specimen, path, engine=DEVICE, progress=False, snapshots=2, stop_when=stop)
 
 
@@ -137,10 +140,12 @@ class FabricTests(lk.GrainTests):
     Args:
         trained: Tests that count, DRAINED or names of undrained ones; a sample repeats all.
         points_measured: Measured points, if not those of the sand: of a synthetic sand.
+        law: Contact law of the grains.
     """
 
     trained: tuple[str, ...] = (DRAINED, TRAINED)
     points_measured: tuple[float, ...] = ()
+    law: str = LAW
 
     def __post_init__(self) -> None:
         """Leave out the check that parameters are those of a scene."""
@@ -166,7 +171,8 @@ class FabricTests(lk.GrainTests):
 
     def repeat(self, parameters: Mapping[str, float], grains: int, seed: int) -> dict[str, lk.Run]:
         tests = drained_of(USED) | {name: undrained_of(name) for name in (TRAINED, LEFT)}
-        return dict(repeated(tests, parameters, seed, limits_of(tests, parameters, seed)))
+        limits = limits_of(tests, scene_of(parameters, self.law), seed)
+        return dict(repeated(tests, parameters, seed, limits, self.law))
 
 
 def fabric_tests(trained: tuple[str, ...] = (DRAINED, TRAINED), points_measured: Sequence[float] = ()) -> FabricTests:
@@ -205,7 +211,7 @@ def predict(posterior: lk.Posterior, file: Path) -> None:
     tests = drained_of(OTHERS) | {name: undrained_of(name) for name in names}
     for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(lines_of(file)) :]:
         begin, results = time.process_time(), dict[str, dict[str, object]]()
-        limits = limits_of(tests, parameters, FIRST_DRAW + number)
+        limits = limits_of(tests, scene_of(parameters), FIRST_DRAW + number)
         for name, test in tests.items():
             try:
                 (run,) = dict(repeated({name: test}, parameters, FIRST_DRAW + number, limits)).values()
@@ -216,8 +222,24 @@ def predict(posterior: lk.Posterior, file: Path) -> None:
         print(f"draw {number + 1} of {DRAWS}", flush=True)
 
 
+def make_sands(file: Path) -> None:
+    """Test the synthetic sands that the file lacks: parameters drawn from the prior, each on its own specimens."""
+    tests, (low, high) = fabric_tests(), np.array([*FREE.values()]).T
+    drawn = np.random.default_rng(SANDS_SEED).uniform(low, high, (SANDS, len(FREE)))
+    for number in range(len(read_samples(tests, file)), SANDS):
+        parameters, seed = dict(zip(FREE, drawn[number].tolist(), strict=True)), FIRST_SAND + number
+        begin, points, failure = time.process_time(), None, ""
+        try:
+            points = tests.points(tests.repeat(parameters, GRAINS, seed)).tolist()
+        except PhysicsError as error:
+            failure = str(error)
+        sand = Sample(parameters, GRAINS, seed, points, failure, time.process_time() - begin)
+        append(file, dataclasses.asdict(sand))
+        print(f"sand {number + 1} of {SANDS}", flush=True)
+
+
 def main() -> None:
-    """Calibrate, predict."""
+    """Calibrate, predict, test the synthetic sands."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--samples", type=int, default=SAMPLES)
@@ -234,6 +256,7 @@ def main() -> None:
     )
     print(posterior.table().to_string(float_format="%.4g"), flush=True)
     predict(posterior, options.folder / "with_fabric_draws.jsonl")
+    make_sands(options.folder / "with_fabric_sands.jsonl")
 
 
 if __name__ == "__main__":
