@@ -1,6 +1,6 @@
-"""Predict the cyclic tests with the draws of analysis.sand.with_fabric: `python -m analysis.sand.cyclic FOLDER`.
+"""Predict the cyclic tests with the draws of analysis.sand.with_fabric: `python -m analysis.sand.cyclic [FOLDER]`.
 
-FOLDER keeps a line per draw and test, and the command continues where it stopped; results/sand is such a folder.
+FOLDER (default: results/sand) keeps a line per draw and test, and the command continues where it stopped.
 With --tests, a copy of the measured tests of analysis.sand.undrained, the measured numbers of cycles are read again.
 The plan is the last part of analysis/plans/karlsruhe_with_fabric.md.
 """
@@ -77,12 +77,13 @@ def predict(draws: Sequence[dict], measured: dict[str, float], file: Path) -> No
     done = {(line["draw"], line["test"]) for line in lines_of(file)}
     limits: dict[int, list[float]] = {}
     for name, count in sorted(measured.items(), key=lambda item: item[1]):
-        test = test_of(name, max(LEAST_CYCLES, round(LONGER * count)))
+        longest = max(LEAST_CYCLES, round(LONGER * count))
+        test = test_of(name, longest)
         for number, parameters in enumerate(draw["parameters"] for draw in draws):
             if (number, name) in done:
                 continue
             begin, seed = time.process_time(), FIRST_DRAW + number
-            row: dict[str, object] = {"draw": number, "test": name, "of": test[0].cycles}
+            row: dict[str, object] = {"draw": number, "test": name, "of": longest}
             try:
                 if number not in limits:  # those of the other predictions
                     limits[number] = limits_of(drained_of(OTHERS), scene_of(parameters), seed)
@@ -125,7 +126,7 @@ def mean_factor(factors: np.ndarray) -> tuple[float, float, float]:
 def main() -> None:
     """Measure, predict, tabulate."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=RESULTS)
     parser.add_argument("--tests", type=Path, help="copy of the measured tests")
     options = parser.parse_args()
     warnings.simplefilter("ignore")

@@ -1,7 +1,7 @@
-"""Fabric, density and shape in undrained tests: `python -m analysis.sand.fabric FOLDER`.
+"""Fabric, density and shape in undrained tests: `python -m analysis.sand.fabric [FOLDER]`.
 
-The plan is analysis/plans/fabric_and_density.md. FOLDER keeps a line per specimen; finished specimens are not made
-again.
+The plan is analysis/plans/fabric_and_density.md. FOLDER (default: results/sand) keeps a line per specimen; finished
+specimens are not made again.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ from pathlib import Path
 import numpy as np
 
 import labkit as lk
+from analysis.sand.karlsruhe import RESULTS
 from labkit.errors import PhysicsError
 from labkit.micro import void_ratio_nominal
 
+STORED = RESULTS / "fabric.jsonl"
 PRESSURE, FRICTION, STRAIN, MOST_CYCLES = 200e3, 0.5, 0.03, 20
 FABRICS = ("isotropic", "deposited", "pre-extended")
 # shape of the recipe, rolling friction, number of grains, void ratio of each density
@@ -128,7 +130,7 @@ def cells_of(shape: str) -> list[tuple[str, str, str]]:
 def run(folder: Path) -> None:
     """Make and test the specimens that the folder lacks; a search begins where that of the last seed ended."""
     folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "tests.jsonl"
+    file = folder / STORED.name
     rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()] if file.exists() else []
     finished = {tuple(row[label] for label in LABELS) for row in rows}
     shares = {tuple(row[label] for label in LABELS[:3]): row["share"] for row in rows if "share" in row}
@@ -144,7 +146,7 @@ def run(folder: Path) -> None:
 def main() -> None:
     """Run the specimens."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=STORED.parent)
     warnings.simplefilter("ignore")
     run(parser.parse_args().folder)
 

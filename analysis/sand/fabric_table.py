@@ -1,14 +1,9 @@
-"""Tables, figure and page of the experiment of analysis.sand.fabric: `python -m analysis.sand.fabric_table [FOLDER]`.
-
-FOLDER is that of the tests, which are copied to results/sand; without it the stored copy is used.
-"""
+"""Tables, figure and page of the experiment of analysis.sand.fabric: `python -m analysis.sand.fabric_table`."""
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,11 +17,10 @@ from scipy.stats import t as student
 
 from analysis.pages import render
 from analysis.pictures import save
-from analysis.sand.fabric import FABRICS, LABELS, MOST_CYCLES, cells_of
+from analysis.sand.fabric import FABRICS, LABELS, MOST_CYCLES, STORED, cells_of
 from analysis.sand.karlsruhe import RESULTS
 from analysis.statistics import adjusted
 
-STORED = RESULTS / "fabric.jsonl"
 LEVEL = 0.05  # of the planned comparisons
 LEAST_Q = 0.02  # of p_0: below, q counts as this
 DENSITIES = ("medium", "loose")
@@ -172,11 +166,6 @@ def draw(rows: Sequence[dict], file: Path) -> None:
 
 def main() -> None:
     """Write tables, figure and page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?", help="folder of the tests (default: the stored copy)")
-    folder = parser.parse_args().folder
-    if folder is not None:
-        shutil.copyfile(folder / "tests.jsonl", STORED)
     every = [json.loads(line) for line in STORED.read_text(encoding="utf-8").splitlines()]
     rows = [row for row in every if "failed" not in row]
     table = table_of(rows)

@@ -1,7 +1,7 @@
-"""Calibrate grains with a fabric on drained and undrained tests: `python -m analysis.sand.with_fabric FOLDER`.
+"""Calibrate grains with a fabric on drained and undrained tests: `python -m analysis.sand.with_fabric [FOLDER]`.
 
-FOLDER keeps samples and draws; each run continues where the last one stopped. The plan is
-analysis/plans/karlsruhe_with_fabric.md; analysis.sand.with_fabric_table writes the tables.
+FOLDER (default: results/sand) keeps samples, draws and synthetic sands; each run continues where the last one stopped.
+The plan is analysis/plans/karlsruhe_with_fabric.md; analysis.sand.with_fabric_table writes the tables.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 import labkit as lk
 from analysis.sand import karlsruhe, undrained
-from analysis.sand.karlsruhe import LIMITS, OTHERS, SCATTER, USED, grain_tests
+from analysis.sand.karlsruhe import LIMITS, OTHERS, RESULTS, SCATTER, USED, grain_tests
 from labkit.errors import PhysicsError
 from labkit.micro import void_ratio_nominal
 from labkit.plugins.laboratory_data import Sample, read_samples
@@ -241,7 +241,7 @@ def make_sands(file: Path) -> None:
 def main() -> None:
     """Calibrate, predict, test the synthetic sands."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=RESULTS)
     parser.add_argument("--samples", type=int, default=SAMPLES)
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # small specimens are intended

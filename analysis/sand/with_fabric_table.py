@@ -1,15 +1,11 @@
-"""Tables, figure and page of analysis.sand.with_fabric: `python -m analysis.sand.with_fabric_table [FOLDER]`.
-
-FOLDER is that of the samples, which are copied to results/sand; without it the page is written from the stored tables.
-"""
+"""Tables and figure of analysis.sand.with_fabric, and the page: `python -m analysis.sand.with_fabric_table [--page]`."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -31,7 +27,6 @@ from analysis.sand.with_fabric import (
     DRAINED,
     FREE,
     LEFT,
-    SANDS,
     TRAINED,
     fabric_tests,
     lines_of,
@@ -39,8 +34,8 @@ from analysis.sand.with_fabric import (
 )
 from labkit.plugins.laboratory_data import Sample, posterior_of, read_samples
 
-FILES = {name: RESULTS / f"with_fabric_{name}.jsonl" for name in ("samples", "draws")}
-LEAST_DRAWS = 3
+FILES = {name: RESULTS / f"with_fabric_{name}.jsonl" for name in ("samples", "draws", "sands")}
+LEAST_DRAWS, FILLING, NOISE_SEED = 3, 22, 5100  # FILLING: number of samples that fill the ranges
 TRAININGS = {
     "drained and compression": (DRAINED, TRAINED),
     "drained": (DRAINED,),
@@ -52,19 +47,23 @@ CYCLES = "cycles to r_u = 0.95"
 LOW, HIGH = np.array([*FREE.values()]).T
 
 
-def predictions(draws: Sequence[dict], unexplained: float) -> pandas.DataFrame:
-    """Tabulate the features of all tests with their 90 % intervals beside the measured ones; the kind is in `tests`."""
+def compared(draws: Sequence[dict]) -> Iterator[tuple[str, str, str, float, np.ndarray, float]]:
+    """Yield of each feature: kind, test, name, measured value, those of the draws (n,), and the assumed scatter."""
     drained = {name: karlsruhe.features(karlsruhe.curves(run)) for name, run in grain_tests(OTHERS).measured.items()}
-    rows = []
     for kind, measured in {"drained": drained, "undrained": json.loads(undrained.MEASURED.read_text())}.items():
         for name, values in measured.items():
             predicted = [draw["tests"][name]["features"] for draw in draws if "features" in draw["tests"].get(name, {})]
             for feature, value in values.items():
-                scatter = (
-                    karlsruhe.SCATTERS[feature] if kind == "drained" else undrained.scatter_of(feature, value)
-                ) * unexplained
-                row = karlsruhe.prediction(value, np.array([features[feature] for features in predicted]), scatter)
-                rows.append({"tests": kind, "test": name, "feature": feature, "draws": len(predicted)} | row)
+                scatter = karlsruhe.SCATTERS[feature] if kind == "drained" else undrained.scatter_of(feature, value)
+                yield kind, name, feature, value, np.array([features[feature] for features in predicted]), scatter
+
+
+def predictions(draws: Sequence[dict], unexplained: float) -> pandas.DataFrame:
+    """Tabulate the features of all tests with their 90 % intervals beside the measured ones; the kind is in `tests`."""
+    rows = []
+    for kind, name, feature, value, predicted, scatter in compared(draws):
+        row = karlsruhe.prediction(value, predicted, unexplained * scatter)
+        rows.append({"tests": kind, "test": name, "feature": feature, "draws": len(predicted)} | row)
     return pandas.DataFrame(rows)
 
 
@@ -148,16 +147,19 @@ def beside_the_first(intervals: dict[str, np.ndarray]) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def hidden(samples: Sequence[Sample]) -> pandas.DataFrame:
-    """Are parameters and the untrained test of sands among the samples recovered? A row per quantity.
+def hidden(samples: Sequence[Sample], sands: Sequence[Sample]) -> pandas.DataFrame:
+    """Are parameters and the untrained test of synthetic sands recovered from the samples? A row per quantity.
 
-    Each sample that fills the ranges is a sand, calibrated with the others.
+    The assumed scatter of the laboratory is added to the points of each sand.
     """
+    every = fabric_tests((DRAINED, TRAINED, LEFT)).deviations
+    noise = np.random.default_rng(NOISE_SEED).multivariate_normal(np.zeros(len(every)), every, len(sands))
     scale = np.concatenate([HIGH - LOW, np.std([left_of(sample) for sample in samples], axis=0)])
     inside, widths, errors = [], [], []
-    for k, sand in enumerate(samples[:SANDS]):
-        intervals = untrained([*samples[:k], *samples[k + 1 :]], sand.points or ())
-        truth = np.array([*sand.parameters.values(), *left_of(sand)])
+    for sand, scatter in zip(sands, noise, strict=True):
+        points = np.array(sand.points) + scatter
+        intervals = untrained(samples, points.tolist())
+        truth = np.array([*sand.parameters.values(), *points[-3:]])
         inside.append((intervals["low"] <= truth) & (truth <= intervals["high"]))
         widths.append((intervals["high"] - intervals["low"]) / scale)
         errors.append(np.abs(intervals["middle"] - truth) / scale)
@@ -186,10 +188,13 @@ def draw(table: pandas.DataFrame, file: Path) -> None:
     save(figure, file, [*FILES.values()], "python -m analysis.sand.with_fabric_table", dpi=80)
 
 
-def tables_of(samples: Sequence[Sample], draws: Sequence[dict]) -> dict[str, pandas.DataFrame]:
+def tables_of(samples: Sequence[Sample], draws: Sequence[dict], sands: Sequence[Sample]) -> dict[str, pandas.DataFrame]:
     """Compute the tables, name -> table; those of the predictions only from enough draws."""
-    tested = [sample for sample in samples if sample.points is not None]
-    tables = {"posteriors": posteriors(samples), "hidden": hidden(tested), "left": beside_the_first(untrained(tested))}
+    filling, tested, sands = (
+        [one for one in each if one.points is not None] for each in (samples[:FILLING], samples, sands)
+    )
+    tables = {"posteriors": posteriors(samples), "left": beside_the_first(untrained(tested))}
+    tables["hidden"] = hidden(filling, sands)
     if len(draws) >= LEAST_DRAWS:
         misfit = float(posterior_of(fabric_tests(), samples).draws["misfit"].median())
         tables["predictions"] = predictions(draws, misfit)
@@ -198,18 +203,15 @@ def tables_of(samples: Sequence[Sample], draws: Sequence[dict]) -> dict[str, pan
 
 
 def main() -> None:
-    """Compute the tables if there is a folder; write the figure and the page."""
+    """Compute the tables; write the figure and the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?", help="folder of the samples (default: the stored tables)")
-    folder = parser.parse_args().folder
+    parser.add_argument("--page", action="store_true", help="only write the page, from the stored tables")
+    options = parser.parse_args()
     warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
-    if folder is not None:
-        for file in FILES.values():
-            if (folder / file.name).exists():
-                shutil.copyfile(folder / file.name, file)
-    samples, draws = read_samples(fabric_tests(), FILES["samples"]), lines_of(FILES["draws"])
-    if folder is not None:
-        for name, table in tables_of(samples, draws).items():
+    samples, sands = (read_samples(fabric_tests(), FILES[name]) for name in ("samples", "sands"))
+    draws = lines_of(FILES["draws"])
+    if not options.page:
+        for name, table in tables_of(samples, draws, sands).items():
             table.to_csv(RESULTS / f"with_fabric_{name}.csv", index=False, float_format="%.4g")
     stored = {
         file.stem.removeprefix("with_fabric_"): pandas.read_csv(file) for file in RESULTS.glob("with_fabric_*.csv")
