@@ -97,6 +97,12 @@ def predict(draws: Sequence[dict], measured: dict[str, float], file: Path) -> No
             print(name, number, row.get("failed", row.get("cycles")), flush=True)
 
 
+def interval_of(x: np.ndarray) -> tuple[float, float, float]:
+    """Return the 90 % interval of a further draw and the geometric mean, (low, mean, high), of logarithms, (n,)."""
+    half = student.ppf(0.95, len(x) - 1) * x.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(x))
+    return tuple(np.exp([x.mean() - half, x.mean(), x.mean() + half]).tolist())
+
+
 def table_of(lines: Sequence[dict], measured: dict[str, float]) -> pandas.DataFrame:
     """Tabulate predicted and measured numbers of cycles; a run without liquefaction counts with its length."""
     rows = []
@@ -106,8 +112,7 @@ def table_of(lines: Sequence[dict], measured: dict[str, float]) -> pandas.DataFr
             continue
         reached = [np.isfinite(line["cycles"]) for line in own]
         x = np.log([line["cycles"] if there else line["of"] for line, there in zip(own, reached, strict=True)])
-        half = student.ppf(0.95, len(x) - 1) * x.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(x))
-        low, middle, high = np.exp([x.mean() - half, x.mean(), x.mean() + half])
+        low, middle, high = interval_of(x)
         row = {"test": name, "measured": count, "criterion": "N_f" if name in TO_FAILURE else "r_u"}
         row |= {"predicted": middle, "low": low, "high": high, "inside": low <= count <= high, "draws": len(x)}
         factor = middle / count

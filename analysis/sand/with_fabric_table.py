@@ -1,4 +1,4 @@
-"""Tables and figure of analysis.sand.with_fabric, and the page: `python -m analysis.sand.with_fabric_table [--page]`."""
+"""Tables, figure and page of analysis.sand.with_fabric: `python -m analysis.sand.with_fabric_table [--page]`."""
 
 from __future__ import annotations
 
