@@ -113,7 +113,10 @@ def table_of(lines: Sequence[dict], measured: dict[str, float]) -> pandas.DataFr
         reached = [np.isfinite(line["cycles"]) for line in own]
         x = np.log([line["cycles"] if there else line["of"] for line, there in zip(own, reached, strict=True)])
         low, middle, high = interval_of(x)
-        row = {"test": name, "measured": count, "criterion": "N_f" if name in TO_FAILURE else "r_u"}
+        pressure, size, void_ratio = (STRESS_CYCLES | STRAIN_CYCLES)[name]
+        row: dict[str, object] = {"test": name, "p_0": pressure, "e": void_ratio, "measured": count}
+        row["amplitude"] = f"q = {size} kPa" if name in STRESS_CYCLES else f"{100.0 * size:g} %"
+        row["criterion"] = "N_f" if name in TO_FAILURE else "r_u = 0.95"
         row |= {"predicted": middle, "low": low, "high": high, "inside": low <= count <= high, "draws": len(x)}
         factor = middle / count
         row |= {"not reached": len(x) - sum(reached), "factor": factor}
@@ -121,11 +124,16 @@ def table_of(lines: Sequence[dict], measured: dict[str, float]) -> pandas.DataFr
     return pandas.DataFrame(rows)
 
 
-def mean_factor(factors: np.ndarray) -> tuple[float, float, float]:
-    """Return the geometric mean of factors, (n,), and its 95 % interval."""
-    x = np.log(factors)
-    half = student.ppf(0.975, len(x) - 1) * x.std(ddof=1) / np.sqrt(len(x))
-    return tuple(np.exp([x.mean(), x.mean() - half, x.mean() + half]).tolist())
+def summary(table: pandas.DataFrame) -> pandas.DataFrame:
+    """Tabulate, for each criterion, the tests near and inside, and the geometric mean factor with its 95 % interval."""
+    rows = []
+    for criterion, own in table.groupby("criterion", sort=False):
+        x = np.log(own["factor"].to_numpy())
+        half = student.ppf(0.975, len(x) - 1) * x.std(ddof=1) / np.sqrt(len(x)) if len(x) > 1 else np.nan
+        mean, low, high = np.exp([x.mean(), x.mean() - half, x.mean() + half])
+        row = {"criterion": criterion, "tests": len(own), "within": int(own["within"].sum())}
+        rows.append(row | {"inside": int(own["inside"].sum()), "mean": mean, "low": low, "high": high})
+    return pandas.DataFrame(rows)
 
 
 def main() -> None:

@@ -81,7 +81,7 @@ def specimen(labels: Labels, share: float) -> tuple[lk.State, float]:
 
 
 def tested(state: lk.State, test: str) -> dict[str, object]:
-    """Features of a test, and its curve: p and q over the initial p at each record of a monotonic test."""
+    """Features of a test, and the stress path of a monotonic undrained one: p and q over the initial p."""
     stop = "r_u > 0.95" if test == "cyclic" else None
     ended = ""
     try:
@@ -95,9 +95,10 @@ def tested(state: lk.State, test: str) -> dict[str, object]:
     values: dict[str, object] = {"ended": ended, "least": float(p.min() / p[0]), "q_end": float(q[-1] / p[0])}
     if test == "cyclic":
         return values | {"cycles": float(np.nan_to_num(lab.liquefaction().cycles_to_ratio, nan=MOST_CYCLES))}
-    volume = lab.volumetric_strain().values
-    drained = {"largest_ratio": float((q / p).max()), "contraction": float(volume.max())} if test == "drained" else {}
-    return values | drained | {"p": np.round(p / p[0], 4).tolist(), "q": np.round(q / p[0], 4).tolist()}
+    if test == "drained":
+        volume = lab.volumetric_strain().values
+        return values | {"largest_ratio": float((q / p).max()), "contraction": float(volume.max())}
+    return values | {"p": np.round(p / p[0], 4).tolist(), "q": np.round(q / p[0], 4).tolist()}
 
 
 def examined(labels: Labels, share: float) -> dict[str, object]:

@@ -50,7 +50,7 @@ def run(file: Path) -> None:
         parameters, seed = draw["parameters"], FIRST_DRAW + number
         limits = limits_of(drained_of(OTHERS), scene_of(parameters), seed) if missing else []
         for void_ratio in missing:
-            begin, row = time.process_time(), {"draw": number, "void ratio": void_ratio}
+            begin, row = time.process_time(), dict[str, object](draw=number) | {"void ratio": void_ratio}
             density = (TOYOURA[1] - void_ratio) / (TOYOURA[1] - TOYOURA[0])
             same = LIMITS[1] - density * (LIMITS[1] - LIMITS[0])  # the void ratio of Karlsruhe sand at this density
             try:

@@ -39,7 +39,7 @@ SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, from dense 
 LEAST_Q = 0.02  # of p_0: below, q counts as this
 DEVIATIONS = (0.03, 0.03, 0.05)  # of the features of an undrained test
 UNUSED = 1e3  # factor of the deviations of tests that do not count
-RATE, RESOLUTION = 20, 12  # 1/s; records of a stored stress path
+RATE = 20  # 1/s
 Test = tuple[lk.paths.Path, float, float]  # path, pressure in Pa, void ratio of the sand
 DEVICE = lk.Fused(threads=1, precision="mixed")
 
@@ -182,16 +182,10 @@ def fabric_tests(trained: tuple[str, ...] = (DRAINED, TRAINED), points_measured:
 
 
 def features_of(name: str, run: lk.Run) -> dict[str, object]:
-    """Return the features of a test and, of a monotonic undrained one, its stress path over p_0."""
+    """Return the features of a test."""
     if name in OTHERS:
         return {"features": karlsruhe.features(karlsruhe.curves(run))}
-    curve = undrained.curves(run)
-    result: dict[str, object] = {"features": undrained.features(curve)}
-    if "cycles" in curve:
-        return result
-    along = np.linspace(0.0, 1.0, RESOLUTION) ** 2 * abs(curve["strain"][-1])
-    p, q = (np.interp(along, np.abs(curve["strain"]), curve[column]) / curve["p"][0] for column in "pq")
-    return result | {"p": np.round(p, 3).tolist(), "q": np.round(q, 3).tolist()}
+    return {"features": undrained.features(undrained.curves(run))}
 
 
 def lines_of(file: Path) -> list[dict]:

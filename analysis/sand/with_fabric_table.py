@@ -19,7 +19,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from analysis.pages import render
 from analysis.pictures import save
-from analysis.sand import karlsruhe, undrained
+from analysis.sand import cyclic, karlsruhe, undrained
 from analysis.sand.karlsruhe import OTHERS, RESULTS, grain_tests
 from analysis.sand.score import constant_intervals, interval_score, means, scored
 from analysis.sand.with_fabric import (
@@ -79,6 +79,16 @@ def scores(table: pandas.DataFrame) -> pandas.DataFrame:
         both.append(means([row for kind, rows in tables.items() for row in scored(rows, kind)]).set_index("tests"))
     renamed = both[0][["inside", "score"]].rename(columns={"inside": "inside before", "score": "score before"})
     return both[1].join(renamed).reset_index()
+
+
+def by_feature(table: pandas.DataFrame) -> pandas.DataFrame:
+    """Tabulate what makes the undrained score: spread of the measured values and width of the intervals."""
+    own = table[table["tests"] == "undrained"]
+    rows = pandas.DataFrame(scored(own, "undrained")).dropna()
+    direction = np.where(own["test"].str.contains("extension"), "extension", "compression")
+    groups = own.assign(width=own["high"] - own["low"], direction=direction).groupby(["feature", "direction"])
+    sizes = groups.agg(spread=("measured", "std"), width=("width", "mean"))
+    return rows.join(sizes, on=["feature", "direction"])
 
 
 def posteriors(samples: Sequence[Sample]) -> pandas.DataFrame:
@@ -229,8 +239,17 @@ def main() -> None:
         "cycles": stored["predictions"].query("feature.str.startswith('cycles')").iloc[0]
         if "predictions" in stored
         else None,
+        "cyclic_summary": cyclic.summary(stored["cyclic"]),
+        "longer": cyclic.LONGER,
+        "least_cycles": cyclic.LEAST_CYCLES,
+        "filling": FILLING,
+        "failed_sands": sum(sand.points is None for sand in sands),
+        "sand_seconds": np.mean([sand.seconds for sand in sands]),
         # a | would divide the cells of a table
-        **{name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True) for name, table in stored.items()},
+        **{
+            name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True)
+            for name, table in (stored | {"by_feature": by_feature(stored["predictions"])}).items()
+        },
     }
     page = render(Path(__file__).with_name("with_fabric_page.md"), values)
     (RESULTS / "with_fabric.md").write_text(page, encoding="utf-8")
