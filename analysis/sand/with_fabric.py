@@ -34,7 +34,7 @@ DRAINED = "drained"  # the tests of USED
 TRAINED, LEFT = "200 kPa, e = 0.814", "200 kPa, e = 0.853, extension"  # undrained tests of the samples
 SAMPLES, GRAINS, DRAWS, SANDS = 60, 300, 8, 10
 FIRST_DRAW, FIRST_SAND, SANDS_SEED = 4001, 5000, 41  # seeds
-LAW = "spring_dashpot"
+LAW = lk.Scene().law
 SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, from dense to loose
 LEAST_Q = 0.02  # of p_0: below, q counts as this
 DEVIATIONS = (0.03, 0.03, 0.05)  # of the features of an undrained test
