@@ -1,4 +1,4 @@
-"""What is predicted with the draws of the calibrated grains: cyclic tests, synthetic sands, a Hertz law, Toyoura sand."""
+"""What is predicted with the draws of the calibrated grains: cyclic tests, sands, a Hertz law, Toyoura sand."""
 
 import numpy as np
 import pandas
