@@ -226,9 +226,13 @@ def main() -> None:
     }
     draw(stored["predictions"], RESULTS / "with_fabric.png")
     least = stored["predictions"].query("feature == 'least p/p_0'").set_index("test")
+    by = stored["by_feature"] = by_feature(stored["predictions"])
     quantiles = stored["posteriors"].set_index(["training", "parameter"])
     values = {
         "modulus": lambda training, name: f"{10.0 ** (quantiles.loc[(training, 'log10 of E'), name] - 9.0):.2g}",  # GPa
+        "least": least,
+        "flat": by.query("direction == 'extension' and feature.str.startswith('largest')").iloc[0],
+        "q": by.query("feature.str.contains('at 3')"),
         "over": lambda test: least.loc[test, "predicted"] - least.loc[test, "measured"],
         "samples": len(samples),
         "failed": sum(sample.points is None for sample in samples),
@@ -241,10 +245,7 @@ def main() -> None:
         "failed_sands": sum(sand.points is None for sand in sands),
         "sand_seconds": np.mean([sand.seconds for sand in sands]),
         # a | would divide the cells of a table
-        **{
-            name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True)
-            for name, table in (stored | {"by_feature": by_feature(stored["predictions"])}).items()
-        },
+        **{name: table.replace(r"\|(q/p|q)\|", r"abs(\1)", regex=True) for name, table in stored.items()},
     }
     page = render(Path(__file__).with_name("with_fabric_page.md"), values)
     (RESULTS / "with_fabric.md").write_text(page, encoding="utf-8")
