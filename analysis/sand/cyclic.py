@@ -73,7 +73,7 @@ def measure(folder: Path) -> dict[str, float]:
     return counts
 
 
-def known(draws: Sequence[dict]) -> list[dict]:
+def lines_of_draws(draws: Sequence[dict]) -> list[dict]:
     """Return the lines of the test that analysis.sand.with_fabric repeats."""
     ((name, longest),) = ((name, undrained.LONGEST) for name in undrained.CYCLIC)
     counts = [draw["tests"].get(name, {}).get("features", {}).get("cycles to r_u = 0.95") for draw in draws]
@@ -86,7 +86,7 @@ def known(draws: Sequence[dict]) -> list[dict]:
 
 def predict(draws: Sequence[dict], measured: dict[str, float], file: Path) -> None:
     """Repeat each test with each draw, unless the file has it; short tests first."""
-    done = {(line["draw"], line["test"]) for line in [*lines_of(file), *known(draws)]}
+    done = {(line["draw"], line["test"]) for line in [*lines_of(file), *lines_of_draws(draws)]}
     limits: dict[int, list[float]] = {}
     for name, count in sorted(measured.items(), key=lambda item: item[1]):
         longest = max(LEAST_CYCLES["q" if name in STRESS_CYCLES else "strain"], round(LONGER * count))
@@ -100,9 +100,9 @@ def predict(draws: Sequence[dict], measured: dict[str, float], file: Path) -> No
                 if number not in limits:  # those of the other predictions
                     limits[number] = limits_of(drained_of(OTHERS), scene_of(parameters), seed)
                 (run,) = dict(repeated({name: test}, parameters, seed, limits[number])).values()
-                found = run.data.lab.liquefaction()
-                row |= {"cycles": found.cycles_to_ratio, "largest r_u": round(found.largest_ratio, 3)}
-                row["strain"] = round(found.largest_double_amplitude, 4)
+                liquefaction = run.data.lab.liquefaction()
+                row |= {"cycles": liquefaction.cycles_to_ratio, "largest r_u": round(liquefaction.largest_ratio, 3)}
+                row["strain"] = round(liquefaction.largest_double_amplitude, 4)
             except PhysicsError as error:
                 row["failed"] = str(error)
             append(file, row | {"seconds": round(time.process_time() - begin, 1)})
@@ -160,7 +160,7 @@ def main() -> None:
     measured = json.loads(MEASURED.read_text()) | TO_FAILURE
     file, draws = options.folder / "with_fabric_cycles.jsonl", lines_of(RESULTS / "with_fabric_draws.jsonl")
     predict(draws, measured, file)
-    table = table_of([*known(draws), *lines_of(file)], measured)
+    table = table_of([*lines_of_draws(draws), *lines_of(file)], measured)
     table.to_csv(TABLE, index=False, float_format="%.4g")
     print(table.to_string(float_format="%.3g"))
 

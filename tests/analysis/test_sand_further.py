@@ -33,7 +33,7 @@ def test_a_draw_that_does_not_liquefy_counts_with_its_length():
 
 def test_stored_cycles_give_the_stored_table():
     measured = pandas.read_csv(cyclic.TABLE).set_index("test")["measured"].to_dict()
-    lines = [*cyclic.known(lines_of(FILES["draws"])), *lines_of(RESULTS / "with_fabric_cycles.jsonl")]
+    lines = [*cyclic.lines_of_draws(lines_of(FILES["draws"])), *lines_of(RESULTS / "with_fabric_cycles.jsonl")]
     made = cyclic.table_of(lines, measured)
     stored = pandas.read_csv(cyclic.TABLE)
     numbers = made.select_dtypes("number").columns
