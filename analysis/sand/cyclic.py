@@ -8,6 +8,7 @@ The plan is the last part of analysis/plans/karlsruhe_with_fabric.md.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import time
 import warnings
@@ -46,6 +47,7 @@ STRAIN_CYCLES = {
 # number of cycles to failure, of csrs.m in the folder of the tests
 TO_FAILURE = {"TCUI8": 249, "TCUI9": 100, "TCUI10": 15, "TCUI18": 54, "TCUI19": 15, "TCUI20": 6}
 LEAST_CYCLES = {"q": 10, "strain": 3}  # of a run, for each kind of amplitude
+SHORT = 20  # measured number of cycles of the tests that are repeated first
 LONGER, GOAL = 1.5, 1.5  # cycles of a run over the measured number; factor
 MEASURED, TABLE = RESULTS / "with_fabric_cycles_measured.json", RESULTS / "with_fabric_cyclic.csv"
 
@@ -85,28 +87,29 @@ def lines_of_draws(draws: Sequence[dict]) -> list[dict]:
 
 
 def predict(draws: Sequence[dict], measured: dict[str, float], file: Path) -> None:
-    """Repeat each test with each draw, unless the file has it; short tests first."""
+    """Repeat each test with each draw, unless the file has it; first the short tests of every draw."""
     done = {(line["draw"], line["test"]) for line in [*lines_of(file), *lines_of_draws(draws)]}
     limits: dict[int, list[float]] = {}
-    for name, count in sorted(measured.items(), key=lambda item: item[1]):
+    everything = itertools.product(measured.items(), enumerate(draw["parameters"] for draw in draws))
+    for (name, count), (number, parameters) in sorted(
+        everything, key=lambda job: (job[0][1] > SHORT, job[1][0], job[0][1])
+    ):
+        if (number, name) in done:
+            continue
+        begin, seed = time.process_time(), FIRST_DRAW + number
         longest = max(LEAST_CYCLES["q" if name in STRESS_CYCLES else "strain"], round(LONGER * count))
-        test = test_of(name, longest)
-        for number, parameters in enumerate(draw["parameters"] for draw in draws):
-            if (number, name) in done:
-                continue
-            begin, seed = time.process_time(), FIRST_DRAW + number
-            row: dict[str, object] = {"draw": number, "test": name, "of": longest}
-            try:
-                if number not in limits:  # those of the other predictions
-                    limits[number] = limits_of(drained_of(OTHERS), scene_of(parameters), seed)
-                (run,) = dict(repeated({name: test}, parameters, seed, limits[number])).values()
-                liquefaction = run.data.lab.liquefaction()
-                row |= {"cycles": liquefaction.cycles_to_ratio, "largest r_u": round(liquefaction.largest_ratio, 3)}
-                row["strain"] = round(liquefaction.largest_double_amplitude, 4)
-            except PhysicsError as error:
-                row["failed"] = str(error)
-            append(file, row | {"seconds": round(time.process_time() - begin, 1)})
-            print(name, number, row.get("failed", row.get("cycles")), flush=True)
+        row: dict[str, object] = {"draw": number, "test": name, "of": longest}
+        try:
+            if number not in limits:  # those of the other predictions
+                limits[number] = limits_of(drained_of(OTHERS), scene_of(parameters), seed)
+            tests = {name: test_of(name, longest)}
+            (run,) = dict(repeated(tests, parameters, seed, limits[number])).values()
+            liquefaction = run.data.lab.liquefaction()
+            row |= {"cycles": liquefaction.cycles_to_ratio, "largest r_u": round(liquefaction.largest_ratio, 3)}
+        except PhysicsError as error:
+            row["failed"] = str(error)
+        append(file, row | {"seconds": round(time.process_time() - begin, 1)})
+        print(name, number, row.get("failed", row.get("cycles")), flush=True)
 
 
 def interval_of(x: np.ndarray) -> tuple[float, float, float]:
