@@ -1,10 +1,10 @@
-"""What is predicted with the draws of the calibrated grains: cyclic tests, sands, a Hertz law, Toyoura sand."""
+"""What is predicted with the draws of the calibrated grains: cyclic tests, sands, a Hertz law."""
 
 import numpy as np
 import pandas
 import pytest
 
-from analysis.sand import cyclic, moduli, toyoura
+from analysis.sand import cyclic, moduli
 from analysis.sand.karlsruhe import RESULTS
 from analysis.sand.with_fabric import FIRST_SAND, FREE, SANDS, SANDS_SEED, fabric_tests, lines_of
 from analysis.sand.with_fabric_table import FILES, compared
@@ -73,20 +73,6 @@ def test_a_modulus_serves_both_only_if_it_is_near_the_least_misfit_of_each():
     table = moduli.table_of([line(0.1, 1.0, 9.0), line(0.4, 1.4, 1.4), line(1.6, 9.0, 1.0)])
     assert table["drained"].tolist() == pytest.approx([1.0, 1.4, 9.0])
     assert table["both"].tolist() == [False, True, False]
-
-
-def test_the_critical_state_of_toyoura_sand_is_that_of_the_published_line():
-    for void_ratio in toyoura.VOID_RATIOS:
-        p = toyoura.critical_pressure(void_ratio)
-        assert 0.934 - 0.019 * (p / 101e3) ** 0.7 == pytest.approx(void_ratio)
-    features = toyoura.measured()
-    lines = [
-        {"draw": draw, "void ratio": e} | {row["feature"]: factor * row["measured"] for row in own.to_dict("records")}
-        for draw, factor in enumerate((0.9, 1.0, 1.1))
-        for e, own in features.groupby("void ratio")
-    ]
-    table = toyoura.table_of(lines)
-    assert len(table) == 7 and table["inside"].all() and table["near"].all()
 
 
 def test_a_prediction_that_is_stored_is_not_repeated(tmp_path):
