@@ -18,12 +18,11 @@ from pathlib import Path
 import numpy as np
 
 import labkit as lk
-from benchmarks.ranks import PATHS, RATE, shaken, under
+from benchmarks.ranks import PATHS, path_of, shaken, under
 from labkit.engines.device import Device
 from labkit.grains.laws import LAWS
 from labkit.grains.state import State
 from labkit.paths.path import Path as StrainPath
-from labkit.paths.registry import make_path
 
 RECORDS = 10
 
@@ -37,7 +36,7 @@ def with_another_bit(state: State) -> State:
 
 def records(state: State, path: StrainPath, engine: Device, steps: int) -> np.ndarray:
     """Return q/p, the coordination number and the void ratio in the records of a run, (3, record)."""
-    every = RATE * state.time_step * steps / RECORDS
+    every = path.rate * state.time_step * steps / RECORDS
     run = lk.run(state, path, engine=engine, progress=False, record_strain=every, snapshots=0, guarded=False)
     return np.array([run.data.lab.stress_ratio(), run.data["coordination_number"], run.data["void_ratio"]])
 
@@ -73,8 +72,7 @@ def main() -> None:
                 if asked.other:
                     runs["other"] = shaken(under(law, lk.read_state(asked.other)), seed=1), lk.Fused()
                 left = [case for case in runs if (law, name, case) not in done]
-                extent = {} if name == "undrained_cycles" else {"strain": RATE * state.time_step * asked.steps}
-                path = make_path(name, {**PATHS[name], **extent, "rate": RATE})
+                path = path_of(name, state, asked.steps)
                 fused = records(state, path, lk.Fused(), asked.steps) if left else None
                 for case in left:
                     assert fused is not None

@@ -1,18 +1,18 @@
 """Are runs on MPI ranks bitwise those of one thread, with every contact law?
 
-    python -m benchmarks.ranks s.state.nc --copies 2 2 2 --ranks 2 3 4 2x2    # 2x2: two ranks of two threads
-    python -m benchmarks.ranks s.state.nc --some                              # each law on one path and number of ranks
-    python -m benchmarks.ranks s.state.nc --copies 2 2 2 --speed 200          # times of steps and records
+    python -m benchmarks.ranks s.state.nc t.csv --copies 2 2 2 --ranks 2 3 4 2x2    # 2x2: two ranks of two threads
+    python -m benchmarks.ranks s.state.nc t.csv --some                              # each law on one path
 
 Each run of `fused` on ranks is compared with one on one thread: all variables of the run file, with snapshots and
-checkpoint. The specimen is taken under each law, with random velocities, so that its copies differ.
+checkpoint. The specimen is taken under each law, with random velocities, so that its copies differ. All laws and paths
+come first on one number of ranks each. Give the same command again to continue.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
-import time
+import csv
+import itertools
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,14 +29,12 @@ from labkit.grains.laws import LAWS
 from labkit.grains.state import State
 from labkit.paths.path import Path as StrainPath
 from labkit.paths.registry import make_path
-from labkit.paths.standard import ConstantVolume
-from labkit.servo.plan import prescribed_gradient
 
 PATHS: dict[str, dict[str, object]] = {
     "cv": {},
     "cp": {},
     "simple_shear": {"spin": True},
-    "undrained_cycles": {"amplitude": 5e3, "cycles": 1},
+    "undrained_cycles": {"ratio": 0.3, "cycles": 1, "rate": 100.0},  # q/p; slower, a cycle takes 10,000 steps
 }
 RATE = 25.0  # 1/s
 
@@ -82,86 +80,61 @@ def run_to(file: Path, state: State, path: StrainPath, engine: Device, steps: in
         engine=engine,
         file=file,
         progress=False,
-        record_strain=RATE * state.time_step * steps / 3,
+        record_strain=path.rate * state.time_step * steps / 3,
         snapshots=3,
         save_every=1,
         guarded=False,
     )
 
 
-def cases(laws: list[str], some: bool, ranks: list[str]) -> Iterator[tuple[str, str, list[str]]]:
-    """Yield law, path and numbers of ranks; with `some`, one path and one number of ranks for each law."""
-    for number, law in enumerate(laws):
-        for place, path in enumerate(PATHS):
-            if not some or place == number % len(PATHS):
-                turn = (number + number // len(PATHS)) % len(ranks)
-                yield law, path, ranks[turn : turn + 1] if some else ranks
+def cases(laws: list[str], some: bool, ranks: list[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield law, path and number of ranks; with `some`, one path and one number of ranks for each law."""
+    for turn in range(1 if some else len(ranks)):
+        for number, (law, path) in enumerate(itertools.product(laws, PATHS)):
+            row, column = divmod(number, len(PATHS))
+            if not some or column == row % len(PATHS):
+                yield law, path, ranks[(row + row // len(PATHS) + column + turn) % len(ranks)]
 
 
-def speed(state: State, steps: int, rounds: int) -> None:
-    """Print the time of a step in CV shear, and of a State for a record, on threads and ranks of two cores.
-
-    The least of many short measurements, taken alternately, is nearly that of a quiet computer.
-    """
-    devices: dict[str, Device] = {
-        "1 thread": lk.Fused(),
-        "2 threads": lk.Fused(threads=2),
-        "2 ranks": lk.Fused(ranks=2),
-    }
-    devices |= {"lammps, 2": Device("lammps", ranks=2)}
-    engines = {name: device(state) for name, device in devices.items()}
-    gradient = prescribed_gradient(ConstantVolume(RATE), state.time_step)
-    seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in engines}
-    for _ in range(rounds):
-        for name, engine in engines.items():
-            begin = time.perf_counter()
-            engine.advance(steps, gradient)
-            middle = time.perf_counter()
-            engine.state()
-            seconds[name].append(((middle - begin) / steps, time.perf_counter() - middle))
-    for name, values in seconds.items():
-        step, record = np.min(values, axis=0)
-        single = min(values for values, _ in seconds["1 thread"])
-        print(
-            f"{state.number_of_grains} grains, {name:10} {1e3 * step:8.3f} ms a step, {single / step:.2f} times "
-            f"1 thread, {1e3 * record:6.1f} ms a State"
-        )
+def path_of(name: str, state: State, steps: int) -> StrainPath:
+    """Return one of PATHS; but for cycles, it ends after some time steps."""
+    extent = {} if name == "undrained_cycles" else {"strain": RATE * state.time_step * steps}
+    return make_path(name, {"rate": RATE, **PATHS[name], **extent})
 
 
 def main() -> None:
     """Compare, and print one line for each run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("specimen")
+    parser.add_argument("table", type=Path, help="rows of law, path, ranks, equal variables, variables, others")
     parser.add_argument("--copies", nargs=3, type=int, default=[1, 1, 1])
     parser.add_argument("--ranks", nargs="+", default=["2", "3", "4", "2x2"])
     parser.add_argument("--laws", nargs="+", default=list(LAWS))
     parser.add_argument("--steps", type=int, default=300, help="time steps of a run")
     parser.add_argument("--some", action="store_true", help="each law on one path and one number of ranks")
-    parser.add_argument("--speed", type=int, metavar="ROUNDS", help="measure times instead")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
-    specimen, wrong = copies(lk.read_state(asked.specimen), asked.copies), 0
-    if asked.speed:
-        return speed(specimen, asked.steps, asked.speed)
-    with tempfile.TemporaryDirectory() as place:
-        for law, name, numbers in cases(asked.laws, asked.some, asked.ranks):
-            state = shaken(under(law, specimen), seed=1)
-            strain = RATE * state.time_step * asked.steps
-            extent = {} if name == "undrained_cycles" else {"strain": strain}
-            path, one = make_path(name, {**PATHS[name], **extent, "rate": RATE}), Path(place) / "one.run.nc"
-            one.unlink(missing_ok=True)
-            run_to(one, state, path, lk.Fused(), asked.steps)
-            for number in numbers:
-                ranks, _, threads = number.partition("x")
-                other = Path(place) / "other.run.nc"
-                other.unlink(missing_ok=True)
-                run_to(other, state, path, lk.Fused(ranks=int(ranks), threads=int(threads or 1)), asked.steps)
-                count, odd = differences(one, other)
-                wrong += bool(odd)
-                print(
-                    f"{law:24} {name:17} {number:>4}  {count - len(odd)} of {count} equal {' '.join(odd)}", flush=True
-                )
-    raise SystemExit(f"{wrong} runs differ" if wrong else 0)
+    specimen = copies(lk.read_state(asked.specimen), asked.copies)
+    done = {tuple(row[:3]) for row in csv.reader(asked.table.open())} if asked.table.exists() else set()
+    folder = asked.table.with_suffix(".runs")
+    folder.mkdir(exist_ok=True)
+    for case in cases(asked.laws, asked.some, asked.ranks):
+        if case in done:
+            continue
+        law, name, number = case
+        state = shaken(under(law, specimen), seed=1)
+        path, ranks = path_of(name, state, asked.steps), [int(count) for count in number.split("x")]
+        one, other = folder / f"{law}.{name}.run.nc", folder / "other.run.nc"
+        run_to(one, state, path, lk.Fused(), asked.steps)  # returns at once if it is complete
+        other.unlink(missing_ok=True)
+        run_to(other, state, path, lk.Fused(ranks=ranks[0], threads=(*ranks, 1)[1]), asked.steps)
+        count, odd = differences(one, other)
+        with asked.table.open("a") as out:
+            csv.writer(out).writerow([*case, count - len(odd), count, " ".join(odd)])
+    rows = [row for row in csv.reader(asked.table.open())]
+    wrong = sum(row[3] != row[4] for row in rows)
+    print(f"{len(rows) - wrong} of {len(rows)} runs have all variables equal")
+    raise SystemExit(wrong > 0)
 
 
 if __name__ == "__main__":
