@@ -5,7 +5,8 @@
 
 Each run of `fused` on ranks is compared with one on one thread: all variables of the run file, with snapshots and
 checkpoint. The specimen is taken under each law, with random velocities, so that its copies differ. All laws and paths
-come first on one number of ranks each. Give the same command again to continue.
+come first on one number of ranks each. Give the same command again to continue; with LABKIT_MPIEXEC=mpiexec.gforker in
+the environment, there may be more ranks than cores.
 """
 
 from __future__ import annotations

@@ -99,6 +99,7 @@ class Ranks:
     ) -> None:
         """Watch the followers, if this is rank 0."""
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
+        self._test = mpi_library().Request.Testall
         self._process, self._output, self._owner, self.over = process, output, os.getpid(), process is None
         if process is not None:
             _OPEN.add(self)
@@ -106,8 +107,8 @@ class Ranks:
 
     def wait(self, *requests: Any) -> None:
         """Wait for MPI requests. On rank 0, raises the error of a follower, or ProgramError if the followers ended."""
-        looks, test = 0, mpi_library().Request.Testall
-        while not test(requests):
+        looks = 0
+        while not self._test(requests):
             looks += 1
             if looks > SPINS:
                 self._look_for_errors()

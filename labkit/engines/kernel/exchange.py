@@ -88,7 +88,7 @@ class Exchange(abc.ABC):
         """Copy grains to their images on other ranks."""
         a = self._arrays
         for _, sites, records in self._out:
-            records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:] = a.places[sites], a.motions[sites]
+            records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:] = a.places.take(sites, 0), a.motions.take(sites, 0)
         self._swap(self._out, self._into)
         for _, sites, records in self._into:
             a.places[sites], a.motions[sites] = records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:]
@@ -139,7 +139,7 @@ class ImageExchange(Exchange):
         a, comm = self._arrays, self._ranks.comm
         if what == FORCES:
             for _, sites, records in self._into:
-                records[:, :FORCE_COLUMNS], a.forces[sites] = a.forces[sites], 0.0
+                records[:, :FORCE_COLUMNS], a.forces[sites] = a.forces.take(sites, 0), 0.0
             self._swap(self._into, self._out)
             for _, sites, records in self._out:
                 a.forces[sites] = records[:, :FORCE_COLUMNS]

@@ -87,7 +87,8 @@ class Loop:
             raise ValueError("a contact or an image refers to a site that does not exist")
         if arrays.contact_last.max(initial=0) > arrays.pairs.shape[1] or arrays.image_first[-1] != len(arrays.owner):
             raise ValueError("the domains do not divide the contacts and images")
-        self._arrays = ARRAYS.pointers(arrays, needs.real)
+        self._arrays, ends = ARRAYS.pointers(arrays, needs.real), arrays.image_first
+        self._last = ARRAYS.pointers(arrays._replace(image_first=ends.clip(min=ends[-2])), needs.real)
         self._motion = MOTION.pointers(moving, needs.real)
         self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)
         self._numbers, gradient = needs.flat_numbers(), np.zeros(9, needs.real) if needs.energy else None
@@ -135,10 +136,15 @@ class Loop:
             self._exchange.moved()
         return done, search.value
 
-    def place_images(self, drift: np.ndarray) -> None:
-        """Copy the grains to their images in other periods and domains; `drift` (3, 3) is the velocity per period."""
-        drift = host.as_array(float, drift, 3, 3)
-        host.call(f"place_images_{self._suffix}", POINTER(self._arrays.address), self._moving.cell, drift)
+    def place_images(self, drift: np.ndarray, of_last: bool = False) -> None:
+        """Copy the grains, or those of the last domain alone, to their images in other periods and domains.
+
+        Args:
+            drift: Velocity that each period adds, (3, 3), in m/s.
+            of_last: True to copy the grains of the last domain alone.
+        """
+        arrays, drift = self._last if of_last else self._arrays, host.as_array(float, drift, 3, 3)
+        host.call(f"place_images_{self._suffix}", POINTER(arrays.address), self._moving.cell, drift)
 
     def branch_force(self) -> None:
         """Set `totals` of the Motion to the sums of branch (x) force over all contacts, without dashpot forces."""

@@ -35,7 +35,7 @@ class CarriedExchange(Exchange):
         packing: Arrays of the kernel; contacts with grains of other ranks are in the last domain.
         label: Label of each grain, (grain,).
         rank: Rank of each grain, (grain,).
-        place_images: Copies all grains to their images.
+        place_images: Copies the grains of other ranks to their images.
     """
 
     def __init__(
@@ -43,11 +43,14 @@ class CarriedExchange(Exchange):
     ) -> None:
         """Let the other ranks know which of their grains this rank needs."""
         super().__init__(ranks, packing.arrays, 0, len(packing.arrays.contact_first))
-        domains, self._place_images = len(packing.arrays.start), place_images
+        grains, self._place_images = len(packing.arrays.start), place_images
         label, rank = label.take(packing.order), rank.take(packing.order)
-        needed = [domains + np.flatnonzero(rank[domains:] == q) for q in range(ranks.size)]
+        in_contact = np.zeros(len(packing.arrays.places), bool)  # LAMMPS also lets a rank know others
+        in_contact[packing.arrays.pairs] = in_contact[packing.arrays.owner] = True
+        of_contacts = grains + np.flatnonzero(in_contact[grains : len(rank)])
+        needed = [of_contacts[rank[of_contacts] == q] for q in range(ranks.size)]
         asked = ranks.comm.alltoall([label[sites] for sites in needed])
-        by = np.argsort(label[:domains])
+        by = np.argsort(label[:grains])
         self._into = self._records(dict(enumerate(needed)))
         self._out = self._records({q: by[np.searchsorted(label[by], wanted)] for q, wanted in enumerate(asked)})
 
@@ -190,7 +193,7 @@ class LammpsEngine(FusedEngine):
         if self._ranks is None or self._ranks.size == 1:
             return None
         return CarriedExchange(
-            self._ranks, packing, self._label, self._rank, lambda: self._loop.place_images(moving.drift)
+            self._ranks, packing, self._label, self._rank, lambda: self._loop.place_images(moving.drift, of_last=True)
         )
 
     def _divide_work(self) -> None:
