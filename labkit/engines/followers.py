@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import ctypes
 import hashlib
 import os
 import pickle
@@ -41,7 +42,7 @@ from labkit.version import __version__
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
 MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
-FREED = {"MALLOC_MMAP_THRESHOLD_": "500000"}  # bytes; glibc then returns larger freed arrays to the system at once
+LARGE = 500_000  # bytes
 ROOT = Path(__file__).resolve().parents[2]
 READY = "labkit: ready"  # what a follower prints before it connects
 ERROR = 1  # tag of the message with the error of a follower
@@ -85,6 +86,12 @@ def launcher() -> list[str]:
     return [program]
 
 
+def return_freed_memory() -> None:
+    """Let glibc return freed arrays that are LARGE to the system at once, instead of keeping them for later ones."""
+    with contextlib.suppress(OSError, AttributeError):  # another system, another library
+        ctypes.CDLL(None).mallopt(-3, LARGE)  # M_MMAP_THRESHOLD
+
+
 class Ranks:
     """All ranks of an engine, as one of them sees them: `rank` is its number, `size` the number of all.
 
@@ -100,6 +107,7 @@ class Ranks:
         """Watch the followers, if this is rank 0."""
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
         self._test = mpi_library().Request.Testall
+        return_freed_memory()
         self._process, self._output, self._owner, self.over = process, output, os.getpid(), process is None
         if process is not None:
             _OPEN.add(self)
@@ -255,7 +263,7 @@ def start_followers(size: int, threads: int) -> Ranks:
         raise InputError("start labkit without mpiexec: it starts the ranks itself")
     output, port = tempfile.TemporaryFile(), mpi.Open_port()
     memory = {} if os.environ.get(LAUNCHER) else MEMORY
-    environment = {**memory, **FREED, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
+    environment = {**memory, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
     program = [sys.executable, "-P", "-m", "labkit.engines.followers", port.encode().hex()]
     # in another folder, because MPI reads settings from the current one
     process = start_process(
