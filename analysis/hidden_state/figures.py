@@ -41,7 +41,7 @@ def state_figure(tables: StoredTables) -> Figure:
     ticks = [LABELS.get(name, "D, " + name.replace(" %", "")) for name in names]
     left.set_xticks(range(len(names)), ticks, rotation=60, fontsize=7)
     left.set(ylabel="difference of rates, other history / same", ylim=(0.0, None))
-    left.legend(fontsize=6, loc="lower right")
+    left.legend(fontsize=6, loc="upper center")
     order = list(tables["ranking"]["candidate"][1:][::-1])
     for k, name in enumerate(("twin_ranking", "ranking")):
         if few and k == 0:

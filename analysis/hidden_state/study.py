@@ -126,6 +126,7 @@ class HiddenState(Study):
             "enough_pairs": equal.ENOUGH_PAIRS,
             "near": equal.NEAR,
             "most_cycles": cycles.MOST,
+            "undrained": pandas.DataFrame(equal.read_pairs(tables.folder / self.cycles)),
             "of_F": wide(tables["of_F"], "error"),
             "of_D": wide(of_dilatancy, "D").assign(scatter=wide(of_dilatancy, "D_std")["C4"]),
             "of_volume": wide(of_dilatancy, "volume"),
