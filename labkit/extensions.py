@@ -238,5 +238,11 @@ def require_subclass(kind: object, base: type) -> None:
         raise InputError(f"{_label(kind)} is not a subclass of labkit.{base.__name__}: register one")
 
 
+def require_function(entry: object) -> None:
+    """Raise InputError if a user registers something else than a function."""
+    if not callable(entry):
+        raise InputError(f"{_label(entry)} is not a function: register one")
+
+
 def _label(entry: object) -> str:
     return str(getattr(entry, "__qualname__", type(entry).__name__))

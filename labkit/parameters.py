@@ -21,7 +21,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from labkit.errors import InputError, LabkitWarning, instead_of
-from labkit.units import UNITS, plain_unit
+from labkit.units import DECIMAL, UNITS, plain_unit
 
 Given = TypeVar("Given")
 Typed = TypeVar("Typed")
@@ -59,8 +59,8 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units probably
 }
 LARGE_STRAIN = 1.0  # a larger number without a unit was probably meant in %
 STRAINS = ("reversals", "over")  # parameters that are strains, apart from those with a name such as strain_limit
-DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*(?:[^\d,]\S*)?\s*")
-NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+DECIMAL_COMMA = re.compile(r"\s*+[+-]?\d*+,\d++(?:[eE][+-]?\d++)?+\s*+(?:[^\s\d,]\S*+)?+\s*+")
+NUMBER = re.compile(rf"\s*+([+-]?{DECIMAL}(?:[eE][+-]?\d++)?+)\s*+((?:.*\S)?+)\s*+")
 
 
 @dataclasses.dataclass(frozen=True)

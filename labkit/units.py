@@ -13,6 +13,9 @@ UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their fa
     "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3, "t/m3": 1e3},
     "1": {"%": 0.01},
 }
+DECIMAL = (
+    r"(?:\d++(?:\.\d*+)?+|\.\d++)"  # pattern of a number without sign and exponent, which never goes back in a text
+)
 SPELLINGS = str.maketrans({"\u00b2": "2", "\u00b3": "3", "^": None, "*": None, "\u00b5": "u", "\u03bc": "u"})
 
 

@@ -529,3 +529,9 @@ def test_a_folder_is_no_file_of_extensions(tmp_path):
 def test_what_is_no_subclass_is_not_registered(register, kind):
     with pytest.raises(lk.InputError, match="is not a subclass of labkit"):
         getattr(lk, register)(kind)
+
+
+@pytest.mark.parametrize("register", [lk.register_statistic, lk.register_figure])
+def test_what_is_no_function_is_not_registered(register):
+    with pytest.raises(lk.InputError, match="int is not a function: register one"):
+        register("five")(5)

@@ -229,6 +229,17 @@ def test_every_parameter_is_limited_to_its_range(kind):
                 assert known.read(value) == known.read(f"{value!r} {known.unit}".removesuffix(" 1")) == value
 
 
+MANY = 300_000  # characters; a pattern whose time grows with the square of their number takes an hour
+
+
+TEXTS = ["1" * MANY + " a\nb", "1,1" + " " * MANY + "x y", "1" * MANY + "e", " " * MANY + "x"]
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=["digits", "comma", "exponent", "blanks"])
+def test_a_number_of_any_length_is_refused_in_one_reading(text):
+    assert str(refused(Recipe, void_ratio=text))
+
+
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [

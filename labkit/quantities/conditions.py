@@ -21,16 +21,14 @@ from labkit.errors import InputError
 from labkit.parameters import LARGE_STRAIN, SUSPECT_PRESSURE
 from labkit.quantities.recorded import quantity
 from labkit.quantities.scalars import Facts, Quantity, Record
-from labkit.units import UNITS, plain_unit
+from labkit.units import DECIMAL, UNITS, plain_unit
 
 LONGEST = 300  # characters
 EXAMPLE = "comparisons of quantities, e.g. q/p > 0.9 or abs(axial_strain) > 5 % and p < 20 kPa"
 _UNITS = {name: (unit, factor) for unit in ("Pa", "m", "1") for name, factor in UNITS[unit].items()}
 _SPELLED = [name.replace("2", r"(?:\^?2|\u00b2)") for name in sorted(_UNITS, key=len, reverse=True)]  # kN/m2, kN/m^2
 _WITH_UNIT = re.compile(
-    r"(?<![\w.])((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
-    + f"({'|'.join(_SPELLED)})"
-    + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
+    rf"(?<![\w.])({DECIMAL}(?:[eE][+-]?\d++)?+)\s*" + f"({'|'.join(_SPELLED)})" + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
 )
 _COMPARE: dict[type, Callable[[Number, Number], Number]] = {
     ast.Gt: operator.gt,

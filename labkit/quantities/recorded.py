@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.errors import InputError, nearest
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_function
 from labkit.files.schema import BY_VOLUME, ECCENTRICITY, RECORD, SIZES, Variable
 from labkit.micro.snapshot import Snapshot
 from labkit.quantities.scalars import ALIASES, QUANTITIES, Quantity
@@ -72,6 +72,7 @@ def register_statistic(
         raise InputError("is already the name of a quantity", field="name", value=name, allowed="another name")
 
     def register(function: Callable[[Snapshot], object]) -> Statistic:
+        require_function(function)
         statistic = Statistic(name, tuple(dimensions), units, long_name or name.replace("_", " "), function)
         STATISTICS.register(statistic)
         return statistic

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, Literal, ParamSpec
 
 from labkit.errors import InputError
-from labkit.extensions import Registry
+from labkit.extensions import Registry, require_function
 
 if TYPE_CHECKING:
     import pandas
@@ -130,6 +130,7 @@ def register_figure(
     """
 
     def register(function: Callable[Arguments, tuple[Figure, pandas.DataFrame]]) -> RunFigure[Arguments]:
+        require_function(function)
         figure = RunFigure(name, function, needs, several)
         FIGURES.register(figure)
         return figure

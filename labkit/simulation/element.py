@@ -51,9 +51,14 @@ class Element:
     def __init__(self, state: State, *, engine: str | Device = "fused", rate: float | None = None) -> None:
         """Store the arguments; nothing is loaded yet. Raises InputError for a rate that is not positive and finite."""
         require_state(state)
-        self.state, self._device = state, device_of(engine)
+        self._state, self._device = state, device_of(engine)
         number = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
         self.rate = number or default_rate(ConstantVolume, state.scene)
+
+    @property
+    def state(self) -> State:
+        """The State from which every increment starts."""
+        return self._state
 
     def strain(self, increment: ArrayLike) -> StressUpdate:
         """Strain the cell by an increment, compression positive, at a constant rate; the Element does not change.

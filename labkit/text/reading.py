@@ -163,7 +163,7 @@ def decimal_marks(words: Iterable[str]) -> dict[str, str]:
 
 def split(line: str, separator: str | None) -> list[str]:
     """Split a line into cells, with quotes as in CSV; at blanks if `separator` is None, but not before a unit."""
-    return rows_of(line, separator)[0][1] if line.strip() else []
+    return next((cells for _, cells in rows_of(line, separator)), [])
 
 
 def rows_of(text: str, separator: str | None) -> list[Row]:

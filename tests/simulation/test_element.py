@@ -165,3 +165,10 @@ def test_pieces_of_a_long_computation_change_no_bits(soft_specimen):
         engine.advance(steps, gradient)
     for name, values in engine.state().arrays.items():
         np.testing.assert_array_equal(values, pieces.arrays[name], name)
+
+
+def test_the_state_of_an_element_cannot_be_exchanged(soft_specimen):
+    element = lk.Element(soft_specimen)
+    with pytest.raises(AttributeError):
+        element.state = None
+    assert element.state is soft_specimen

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
-from labkit.text.reading import decimal_marks, numeral, read_table, real, text_of
+from labkit.text.reading import decimal_marks, numeral, read_table, real, split, text_of
 
 ROWS = "x [\u00b5m];y;z;r\n1;2;3;4\n"
 
@@ -132,3 +132,8 @@ def test_a_row_of_units_belongs_to_the_names():
 def test_prose_is_no_table():
     with pytest.raises(InputError, match="has no rows of 2 or more numbers"):
         read_table("hello\nworld 1\n", "t.csv")
+
+
+@pytest.mark.parametrize("line", ['"', ' " ', ""])
+def test_a_line_of_nothing_but_a_quote_has_no_cells(line):
+    assert split(line, ",") == []

@@ -15,6 +15,7 @@ from labkit.errors import InputError, option_name
 from labkit.parameters import Number, check_parameters, parameter
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.text.reading import is_real
+from labkit.units import DECIMAL
 
 RADIUS, DIAMETER = "radius", "diameter"
 COMPRESSION, TENSION = "compression", "tension"
@@ -99,7 +100,7 @@ MOST_STATED = 4  # largest number of other material constants in a note
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
 Known = TypeVar("Known", str, float)
-UNIT = re.compile(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
+UNIT = re.compile(rf"\s*+({DECIMAL}(?:[eE][+-]?\d++)?+)?+\s*+([A-Za-z]++)\s*+")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -49,7 +49,7 @@ class TextTable(Format):
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
         table = read_table(text_of(file), file, FEWEST)
         names = answer_names(answers.contact_columns) or _names_of(table)
-        grains = [not any(not is_real(cell) and WALL.fullmatch(cell) for cell in row) for row in table.rows]
+        grains = [not any(not is_real(cell) and WALL.search(cell) for cell in row) for row in table.rows]
         notes = [f"{len(grains) - sum(grains)} {WALLS}"] if not all(grains) else []
         at, notes, table = _stated(table), [*table.notes, *notes], table.where(grains)
         columns, unit = CONTACT.columns(names, table.numbers(file), file, answers.newton)

@@ -30,7 +30,7 @@ OTHERS = {
     "eQ": f"{math.sqrt(2.0 / 3.0)!r}*(strain_zz - strain_yy)",
     **{f"v{number}": name for number, name in enumerate(_STATE, start=1)},
 }
-_TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([A-Za-z]\w*)\s*")
+_TERM = re.compile(rf"\s*+([+-]?)\s*+(?:({REAL.pattern})\s*+\*\s*+)?([A-Za-z]\w*)\s*")
 
 
 def translate(text: str, unit: str) -> str:

@@ -17,7 +17,7 @@ from labkit.errors import InputError
 from labkit.plugins.incremental.conventions import tensor
 from labkit.plugins.incremental.source import REAL, Line, Source, shorten, signed_terms
 
-_TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([se])d([1-6])\s*")
+_TERM = re.compile(rf"\s*+([+-]?)\s*+(?:({REAL.pattern})\s*+\*\s*+)?([se])d([1-6])\s*")
 SINGULAR = 1e-9
 
 

@@ -16,9 +16,10 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.text.foreign import require_regular
 from labkit.text.reading import text_of
+from labkit.units import DECIMAL
 
 LARGEST_FILE = 50_000_000  # bytes
-REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
+REAL = re.compile(rf"[+-]?{DECIMAL}(?:[eEdD][+-]?\d++)?+")
 WHOLE = re.compile(r"[+-]?\d+")
 INSTEAD = "give an input file of the driver"
 

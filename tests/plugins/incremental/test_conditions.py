@@ -60,3 +60,11 @@ def test_anything_else_is_refused(text, said):
     with pytest.raises(InputError) as error:
         translate(text, "kPa")
     assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "sum_of", ["1" * 300_000, " " * 300_000 + "!", "1" * 300_000 + "x"], ids=["digits", "blanks", "word"]
+)
+def test_a_sum_of_any_length_is_refused_in_one_reading(sum_of):
+    with pytest.raises(InputError, match="is not understood"):
+        translate(f"{sum_of} > 1", "kPa")
