@@ -1,7 +1,7 @@
 """Random commands and faults in one folder: `./lab fuzz --soak MINUTES`.
 
-Each round starts one of the commands of `kills`, on fused or on YADE, with spheres, clumps, bonds or adhesion, and does
-one thing of FAULTS to it, by seed. After every round each file must be absent, or complete and match its hashes, or, if
+Each round starts one of the commands of `kills`, on fused, its ranks, YADE or LAMMPS, with spheres, clumps, bonds or
+adhesion, or an archive of the page, and does one thing of FAULTS to it, by seed. After every round each file must be absent, or complete and match its hashes, or, if
 it was damaged here, be refused; no message may be a traceback; a run may not go back; a result must be that of an
 undisturbed command, except that an interrupted consolidation changes its last bits; no process may be left; and a file
 of somebody else must be as it was. At the end every command must succeed in the same folder.
@@ -44,7 +44,7 @@ from labkit.engines import yade_program
 from labkit.files import labkit_kind, open_netcdf
 from labkit.process import lock_of
 
-SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE, or to both
+SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE or ranks, to one of these, or to all
 STOPPED = ("stopped, continued", "stopped, SIGKILL", "stopped, SIGTERM")  # SIGSTOP first
 FOREIGN = ("link as output", "link as lock", "read-only folder", "another user's folder")
 FAULTS = ("nothing", *SIGNALS, *STOPPED, *FOREIGN, "two writers", "full disk", "damage")
@@ -111,7 +111,8 @@ class Soak:
             shutil.copy2(file, self.place)
         yade = jobs("yade")[2:] if yade_program() else []
         own = [Job("run", (*shlex.split(words), "-o", "out.run.nc")) for words in GIVEN["soak"]["runs"]]
-        known = [*jobs("fused"), *3 * yade, *2 * own]  # the commands on YADE are few
+        others = [Job(words.split()[0], tuple(shlex.split(words))) for words in GIVEN["soak"]["others"]]
+        known = [*jobs("fused"), *3 * yade, *2 * own, *others]  # the commands on YADE are few
         self.jobs = [named(job, number) for number, job in enumerate(known) if job.kind != "campaign"]
         self._good: dict[Job, Undisturbed] = {}
         self._rounded: set[Path] = set()  # outputs whose consolidation was interrupted: equal but for rounding errors
@@ -239,7 +240,8 @@ def disturb(child: int, fault: str, chance: random.Random, usual: float) -> set[
     if wait_for_start(child, chance.uniform(0.2 * (fault == "SIGINT"), max(0.3, 0.9 * usual))):
         return set()
     family = started_by(child)
-    hit = chance.choice([[child], sorted(family), [child, *sorted(family)]]) or [child]
+    others = sorted(family)
+    hit = chance.choice([[child], others, [child, *others], others and [chance.choice(others)]]) or [child]
     *stopped, last = fault.split(", ")
     if stopped:
         send(hit, "SIGSTOP")
