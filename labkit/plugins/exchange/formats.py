@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from labkit.errors import InputError
 from labkit.extensions import Registry, require_subclass
+from labkit.files.netcdf import labkit_kind
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.plugins.exchange.packing import Answers, Packing
 from labkit.text.foreign import content_of, require_regular
@@ -122,6 +123,8 @@ def format_of(file: Path, name: str | None = None) -> Format:
         raise InputError(f"{file} does not exist: give a file of grains or contacts")
     if not file.is_dir():
         require_regular(file)
+    if file.suffix in (".nc", ".npz") and (kind := labkit_kind(file)):
+        raise InputError(f"{file} is a {kind} file of labkit: commands read it as it is, without import")
     if name is not None:
         return FORMATS.require(name, "format")()
     head = head_of(file)

@@ -80,7 +80,10 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
             with zipfile.ZipFile(io.BytesIO(content)) as archive:
                 require_modest(file, archive)
         loaded = np.load(io.BytesIO(content))
-        return {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
+        arrays = {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
+        if others := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
+            raise damaged_file(file, f"{others[0]} is no array")
+        return arrays
     except ValueError as error:
         if "pickle" in str(error):
             raise InputError(

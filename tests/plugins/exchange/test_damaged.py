@@ -1,5 +1,7 @@
 """Damaged and hostile files are reported in one sentence, and nothing is imported."""
 
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -92,3 +94,18 @@ def test_contacts_of_a_grain_with_itself_are_left_out(tmp_path):
     found = read(tmp_path / "a.npz", **KNOWN)
     assert found.grain.tolist() == [[0, 1], [0, 2]] and np.isfinite(found.tangential_force).all()
     assert "1 contacts of a grain with itself are left out" in map(str, found.findings)
+
+
+@pytest.mark.parametrize("name", ["a.state.nc", "a.state.npz"])
+def test_a_state_of_labkit_needs_no_import(name, soft_specimen, tmp_path):
+    lk.write_state(tmp_path / name, soft_specimen)
+    with pytest.raises(lk.InputError, match="is a state file of labkit: commands read it as it is"):
+        read(tmp_path / name, **KNOWN)
+
+
+def test_what_is_no_array_in_an_archive_is_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", **GRAINS)
+    with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
+        archive.writestr("readme.txt", "by the author")
+    with pytest.raises(lk.InputError, match=r"readme.txt is no array"):
+        read(tmp_path / "a.npz", **KNOWN)
