@@ -1,10 +1,11 @@
 """Random commands and faults in one folder: `./lab fuzz --soak MINUTES`.
 
 Each round starts one of the commands of `kills`, on fused, its ranks, YADE or LAMMPS, with spheres, clumps, bonds or
-adhesion, or an archive of the page, and does one thing of FAULTS to it, by seed. After every round each file must be absent, or complete and match its hashes, or, if
-it was damaged here, be refused; no message may be a traceback; a run may not go back; a result must be that of an
-undisturbed command, except that an interrupted consolidation changes its last bits; no process may be left; and a file
-of somebody else must be as it was. At the end every command must succeed in the same folder.
+adhesion, or from an archive of the page, and does one thing of FAULTS to it, by seed. After every round each file must
+be absent, or complete and match its hashes, or, if it was damaged here, be refused; no message may be a traceback; a
+run may not go back; a result must be that of an undisturbed command, except that an interrupted consolidation changes
+its last bits; no process may be left; and a file of somebody else must be as it was. At the end every command must
+succeed in the same folder.
 """
 
 from __future__ import annotations

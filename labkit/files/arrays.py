@@ -24,6 +24,11 @@ from labkit.errors import InputError
 from labkit.text.foreign import require_modest
 
 ENDING, START, HEADER, HDF5 = ".npz", b"PK", "header.json", b"\x89HDF"
+KINDS = ("S1", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")  # types of numbers and characters in netCDF
+FAILURES = (  # what the reading of a damaged or hostile archive may raise
+    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError, EOFError),
+    *(zipfile.BadZipFile, zlib.error),
+)
 
 
 class Attributes:
@@ -171,7 +176,7 @@ class Dataset(Group):
                     _fill(self, json.loads(archive.read(HEADER)), archive)
             except InputError:
                 raise
-            except (ValueError, LookupError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error):
+            except FAILURES:
                 raise OSError(None, "it is no archive of labkit", str(file)) from None
 
     def sync(self) -> None:
@@ -242,7 +247,7 @@ def _fill(group: Group, header: Mapping[str, Any], archive: zipfile.ZipFile) -> 
     for name, about in header["variables"].items():
         data = io.BytesIO(archive.read(f"{group.path.strip('/')}/{name}.npy".lstrip("/")))
         values, dimensions = np.lib.format.read_array(data, allow_pickle=False), tuple(about["dimensions"])
-        if values.shape != tuple(group._length(dimension) for dimension in dimensions):
+        if values.dtype.str[1:] not in KINDS or values.shape != tuple(map(group._length, dimensions)):
             raise ValueError(name)
         group.variables[name] = NamedArray(name, values, dimensions)
         _set(group.variables[name], about["attributes"])
@@ -251,6 +256,8 @@ def _fill(group: Group, header: Mapping[str, Any], archive: zipfile.ZipFile) -> 
 
 
 def _set(of: Attributes, values: Mapping[str, Any]) -> None:
+    if not {value[0][1:] for value in values.values() if not isinstance(value, str)} <= {*KINDS}:
+        raise ValueError("another type")
     of.setncatts(
         {name: value if isinstance(value, str) else np.array(value[1], value[0]) for name, value in values.items()}
     )

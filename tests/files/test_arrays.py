@@ -1,5 +1,8 @@
 """Files without the netCDF library: archives of arrays, with the content, the hashes and the doors of netCDF files."""
 
+import json
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -80,3 +83,40 @@ def test_a_run_is_not_saved_in_an_archive(run, tmp_path, capsys):
 def test_an_unfinished_run_is_not_extended(run):
     with pytest.raises(lk.InputError, match="new run"):
         arrays.Dataset(run[1], "a")
+
+
+HOSTILE = {
+    "length beyond an index": ("dimensions", "grain", 10**30),
+    "infinite length": ("dimensions", "grain", float("inf")),
+    "attribute of 50 GB": ("attributes", "time", ["S1000000000", ["a"] * 50]),
+    "attribute of objects": ("attributes", "time", ["|O", [1]]),
+    "attribute of dates": ("attributes", "time", ["<M8[s]", 1]),
+    "array of complex numbers": ("radius.npy", complex, None),
+    "array in half precision": ("radius.npy", "f2", None),
+    "array of 10^30 numbers": ("radius.npy", float, (10**30,)),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_archive_is_refused(name, soft_specimen, tmp_path):
+    lk.write_state(tmp_path / "s.state.npz", soft_specimen)
+    with zipfile.ZipFile(tmp_path / "s.state.npz") as archive:
+        content = {member: archive.read(member) for member in archive.namelist()}
+    header, (where, what, value) = json.loads(content["header.json"]), HOSTILE[name]
+    del header["attributes"]["seal"], header["attributes"]["data_sha256"]  # of its author, who has no hashes to match
+    if where in header:
+        header[where][what] = value
+    else:
+        shape = value or soft_specimen.radius.shape
+        content[where] = (
+            b"\x93NUMPY\x01\x00\xff\x00"
+            + repr({"descr": np.dtype(what).str, "fortran_order": False, "shape": shape}).ljust(254).encode()
+            + b"\n"
+            + soft_specimen.radius.astype(what).tobytes()
+        )
+    content["header.json"] = json.dumps(header).encode()
+    with zipfile.ZipFile(tmp_path / "h.state.npz", "w") as archive:
+        for member, data in content.items():
+            archive.writestr(member, data)
+    with pytest.raises(lk.InputError, match="is not a netCDF file, or is damaged"):
+        lk.read_state(tmp_path / "h.state.npz")

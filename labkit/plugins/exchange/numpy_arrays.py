@@ -94,7 +94,7 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
         OSError,
         EOFError,
         KeyError,
-        NotImplementedError,
+        RuntimeError,
         MemoryError,
         OverflowError,
         zipfile.BadZipFile,
