@@ -85,7 +85,6 @@ def test_environment_variables_that_stop_numba_are_named(name, value, small, mon
     [
         *(("NUMBA_DISABLE_JIT", value) for value in ("1", "true")),
         *((f"NUMBA_{name}", "zz") for name in ("OPT", "ENABLE_AVX", "FULL_TRACEBACKS", "LOOP_VECTORIZE")),
-        *((name, "nonsense") for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")),  # LLVM ends its process for these
     ],
 )
 def test_environment_variables_with_which_nothing_can_be_compiled_are_named(name, value, small, tmp_path):

@@ -13,7 +13,6 @@ import functools
 import hashlib
 import importlib.metadata
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -46,30 +45,9 @@ def target_processor() -> tuple[str, str]:
     """Return name and features of the processor, which let LLVM use its full vector width."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    _require_processor()
     if "NUMBA_CPU_NAME" in os.environ:  # Numba compiles for a different processor (labkit.engines.kernel.ship)
         return os.environ["NUMBA_CPU_NAME"], os.environ.get("NUMBA_CPU_FEATURES", "")
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
-
-
-PROBE = """
-import sys, llvmlite.binding as llvm
-llvm.initialize_native_target()
-llvm.initialize_native_asmprinter()
-machine = llvm.Target.from_default_triple().create_target_machine(sys.argv[1], sys.argv[2])
-machine.emit_object(llvm.parse_assembly("define double @f(double %x) { ret double %x }"))
-"""  # executed in another process, because LLVM ends its process if it does not know the processor
-
-
-def _require_processor() -> None:
-    """Raise InputError if an environment variable names a processor, or instructions, that LLVM does not know."""
-    environment = {name: os.environ[name] for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES") if name in os.environ}
-    if environment:
-        name, instructions = environment.get("NUMBA_CPU_NAME", ""), environment.get("NUMBA_CPU_FEATURES", "")
-        words = [sys.executable, "-P", "-c", PROBE, name or llvm.get_host_cpu_name(), instructions]
-        if subprocess.run(words, capture_output=True, check=False).returncode:
-            listed = " and ".join(f"{name} is {value!r}" for name, value in environment.items())
-            raise InputError(f"LLVM cannot compile for the processor of the environment: {listed}: unset it")
 
 
 def new_machine() -> Untyped:
