@@ -80,6 +80,10 @@ class Engine(abc.ABC):
     def stress(self) -> np.ndarray:
         """Return the current Love stress, shape (3, 3), in Pa, compression positive."""
 
+    def volume(self) -> float:
+        """Return the current volume of the cell, m3."""
+        return float(np.linalg.det(self.state().cell))
+
     @abc.abstractmethod
     def state(self) -> State:
         """Return a copy of the current State, with contacts sorted by grain and an up-to-date ledger."""
@@ -161,7 +165,10 @@ def carry_out(
     for row, steps in enumerate(corrections.steps):
         if corrections.servo is not None and stress is None:
             stress = yield lambda engine: engine.stress()
-        gradient = corrections.velocity_gradient(row, time_step, stress, gradient)
+        volume = 1.0
+        if corrections.servo is not None and corrections.servo.water is not None:
+            volume = yield lambda engine: engine.volume()
+        gradient = corrections.velocity_gradient(row, time_step, stress, gradient, volume)
         yield Advance(int(steps), gradient)
         stress = None
     return gradient

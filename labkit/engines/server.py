@@ -282,6 +282,9 @@ class ServedEngine(Engine):
     def stress(self) -> np.ndarray:
         return self._stress.copy()  # the stress came with the answer to the last `advance`
 
+    def volume(self) -> float:
+        return float(np.linalg.det(self._cell))
+
     def stop_grains(self) -> None:
         lost = self.server.ask("stop_grains").values["kinetic_energy"]
         self._ledger = self._ledger.plus(0.0, 0.0, 0.0, lost)

@@ -49,7 +49,8 @@ def stops_at_pressure(kind: type[Path]) -> bool:
 def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
     """Return the control of a step of a path, per unit of accumulated strain."""
     rates, held = step.rates(accumulated), step.held
-    prescribed = to_six(rates + rates.T) / 2.0
+    water = 0.0 if held is None or held.water is None else held.water.stiffness
+    prescribed = np.array([*to_six(rates + rates.T) / 2.0, water])
     if held is None:
         return PointControl(prescribed, *NOTHING_HELD, GAIN)
     return PointControl(prescribed, np.ascontiguousarray(held.free), held.measure, held.at(accumulated), GAIN)
@@ -57,4 +58,4 @@ def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
 
 def strain_control(strain_rate: np.ndarray) -> PointControl:
     """Return the control of a fully prescribed strain rate (3, 3), compression positive."""
-    return PointControl(to_six(strain_rate), *NOTHING_HELD, GAIN)
+    return PointControl(np.array([*to_six(strain_rate), 0.0]), *NOTHING_HELD, GAIN)

@@ -171,6 +171,8 @@ class Point(Material):
         self.endings = Endings()
         self.last: Record = _record(model, y)
         self.here, self.facts = Here(self.last["stress"]), facts_of(path)
+        if "void_ratio" in self.last:
+            self.here.pores = 1.0, float(self.last["void_ratio"])
         self.rows: list[tuple[np.ndarray, float, Mapping[str, float]]] = []
 
     def result(self, stop_when: Condition | None) -> Result:

@@ -41,10 +41,10 @@ REASONS = {
 class PointControl(NamedTuple):
     """Strain rate D = given + free @ x, with x such that d(measure @ sigma)/dt = gain (target - measure @ sigma).
 
-    The strain rate is per unit of the path's strain measure.
+    The strain rate is per unit of the path's strain measure. With pore water, sigma is the total stress.
 
     Args:
-        given: Prescribed strain rate, (6,).
+        given: Prescribed strain rate, and K_w/n of the pore water, Pa, or 0, (7,).
         free: Directions of the free strain rates, (6, k).
         measure: Stresses to hold, as tensors, (k, 6).
         target: Targets of the held stresses, (k,), Pa.
@@ -110,7 +110,8 @@ def _residual(y, control, x, compressing, c, out, missing):
     sigma, sigma_rate = law_stress(y, c), law_stress_rate(y, out, c)
     size = 0.0
     for k in range(x.size):
-        target, change = 0.0, 0.0
+        water = control.given[6] * (control.measure[k, 0] + control.measure[k, 1] + control.measure[k, 2])
+        target, change = water * (y[y.size - 6] + y[y.size - 5] + y[y.size - 4]), water * trace(D)
         for i in range(6):
             target += control.measure[k, i] * sigma[i]
             change += control.measure[k, i] * sigma_rate[i]
@@ -260,9 +261,9 @@ class RateTask(NamedTuple):
 
 def task_at(table: Table, n: int, k: int) -> RateTask:
     """Return the RateTask of a table (labkit.model.integrators.Problem), for n variables and k free rates."""
-    fixed = numbers_at(table[0], 7 + k)  # given, gain and target
+    fixed = numbers_at(table[0], 8 + k)  # given, gain and target
     free, measure = numbers_at(table[1], (6, k)), numbers_at(table[2], (k, 6))
-    control = PointControl(fixed[:6], free, measure, fixed[7:], fixed[6])
+    control = PointControl(fixed[:7], free, measure, fixed[8:], fixed[7])
     x, floor, stages = numbers_at(table[3], k), numbers_at(table[5], n), numbers_at(table[6], (9, n))
     return RateTask(control, x, constants_at(table[4]), floor, stages, numbers_at(table[7], WORK))
 

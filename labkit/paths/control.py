@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -45,6 +46,23 @@ def six_columns(tensors: object) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True)
+class Water:
+    """Pore water that cannot drain: its excess pressure is u = K_w/n ln(V_0/V), while the grains do not compress.
+
+    Args:
+        stiffness: K_w/n, bulk modulus of the water over the porosity of the specimen, Pa.
+        volume: V_0, volume of the cell (m3) at which u is 0.
+    """
+
+    stiffness: float
+    volume: float
+
+    def pressure(self, volume: float) -> float:
+        """Return the excess pore pressure, Pa, at a volume of the cell, m3."""
+        return self.stiffness * math.log(self.volume / volume)
+
+
+@dataclasses.dataclass(frozen=True)
 class Control:
     """Stresses that the servo holds, and the strain rates that it adjusts to hold them.
 
@@ -57,12 +75,14 @@ class Control:
         target: The k stresses, Pa, shape (k,), or a function of the accumulated strain that returns them.
         triangular: True to add the spin that keeps the cell upper triangular: its first vector stays along x, the
             second in the plane xy. An isotropic stress does not depend on the spin.
+        water: Water in the pores, with which the held stresses are total stresses; None to hold effective stresses.
     """
 
     measure: Any
     free: Any
     target: Any
     triangular: bool = False
+    water: Water | None = None
 
     def __post_init__(self) -> None:
         """Convert the tensors to Mandel notation. Raises InputError."""
@@ -130,9 +150,18 @@ class Control:
         """Names of the held stresses, e.g. ('sigma_xz', 'the mean stress', 'sigma_xx - 1 sigma_yy')."""
         return tuple(_combination(row) for row in self.measure)
 
-    def at(self, accumulated: float) -> np.ndarray:
-        """Return the targets (k,), Pa, at the accumulated strain `accumulated`."""
-        return np.asarray(self.target(accumulated) if callable(self.target) else self.target, dtype=float)
+    @property
+    def share(self) -> np.ndarray:
+        """Share of the pore pressure in each of the held stresses, M_i : I, (k,)."""
+        return self.measure[:, :3].sum(axis=1)
+
+    def at(self, accumulated: float, volume: float | None = None) -> np.ndarray:
+        """Return the targets (k,), Pa, at the accumulated strain `accumulated`.
+
+        With water, those of the effective stresses if the `volume` of the cell, m3, is given, else of the total ones.
+        """
+        target = np.asarray(self.target(accumulated) if callable(self.target) else self.target, dtype=float)
+        return target if self.water is None or volume is None else target - self.water.pressure(volume) * self.share
 
 
 def _combination(row: np.ndarray) -> str:

@@ -22,6 +22,7 @@ from labkit.paths.path import Held, StressPath, rate_parameter, reversals
 from labkit.paths.standard import hold_mean_stress
 from labkit.paths.step import Here, Step, StrainExceeds, StrainLimit, Until
 from labkit.paths.stress_reversals import StressReversals, longest_strain
+from labkit.paths.undrained import Undrained
 
 MOST_CYCLES = 10_000
 LEAST_PRESSURE = 1e3  # Pa: below this pressure few contacts remain, and noise in q/p must not reverse a path
@@ -81,13 +82,13 @@ class _StressCycles(StressReversals):
 
 
 @dataclasses.dataclass(frozen=True)
-class UndrainedCycles(_StressCycles):
+class UndrainedCycles(Undrained, _StressCycles):
     """Undrained cyclic triaxial test: constant volume, q alternates between q_0 +- `amplitude`.
 
     q_0 is q at the start, the static shear: zero in an isotropic specimen (below 5 % of p). A test that goes on from
     undrained cycles keeps their q_0. With a constant total mean stress the excess pore pressure is u = p_0 - p, and
-    r_u = u/p_0. The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain
-    criterion for initial liquefaction).
+    r_u = u/p_0; with a bulk modulus of the pore `water` the volume changes a little. The test ends after `cycles`
+    cycles, or earlier if the axial strain exceeds `strain_limit` (the strain criterion for initial liquefaction).
     """
 
     cycles: Number[int] = parameter(100, low=1, high=100000, help="number of cycles")
@@ -99,9 +100,6 @@ class UndrainedCycles(_StressCycles):
 
     def start_pressure(self) -> float | None:
         return self.pressure
-
-    def held(self) -> tuple[Held, ...]:
-        return (Held("volume", "volume"),)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -35,11 +35,12 @@ def facts_of(
     measure, undrained = measure or path.strain_measure(), False
     count = functools.partial(number_of_cycles, path, measure, undrained_stress=undrained_stress)
     with contextlib.suppress(InputError):  # the pressure to hold is unknown
-        undrained = any(step.isochoric for step in itertools.islice(path.steps_from(Here()), MOST_EXAMINED))
+        undrained = any(step.undrained for step in itertools.islice(path.steps_from(Here()), MOST_EXAMINED))
     return Facts(
         f"this run of {path.name}",
         is_symmetric(path),
         undrained,
+        total=path.total or "mean",
         strain=measure.at,
         strain_name=measure.name,
         accumulate=measure.accumulate,

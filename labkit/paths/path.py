@@ -32,11 +32,12 @@ class Held:
     """A quantity that a path keeps constant, checked by `labkit verify`.
 
     If the kind is `stress`, measure : sigma stays at the target; if it is `strain`, measure : strain stays zero; if it
-    is `volume`, the volume stays at its initial value. Raises InputError for any other kind.
+    is `volume`, the volume stays at its initial value; if it is `total`, measure : (sigma + u I) stays at its initial
+    value, and the target is the bulk modulus of the pore water. Raises InputError for any other kind.
 
     Args:
         name: Name of the quantity.
-        kind: "stress", "strain" or "volume".
+        kind: "stress", "strain", "volume" or "total".
         measure: The k tensors M_i, as for a Control; stored with the shape (k, 6).
         target: Held stresses, (k,), Pa, or a function of the accumulated strain that returns them.
     """
@@ -50,8 +51,8 @@ class Held:
         """Check the kind, and convert the measure to Mandel notation. Raises InputError."""
         if self.measure is not None:
             object.__setattr__(self, "measure", six_columns(self.measure))
-        if self.kind not in ("stress", "strain", "volume"):
-            raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain or volume")
+        if self.kind not in ("stress", "strain", "volume", "total"):
+            raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain, volume or total")
 
 
 def rate_parameter(what: str, standard: float) -> Number[float | None]:
@@ -109,6 +110,16 @@ class Path(abc.ABC):
         check_parameters(self)
         if self.strain == 0.0:
             raise InputError(field="strain", value=self.strain, allowed="a strain that is not zero")
+
+    @property
+    def water(self) -> float | None:
+        """Bulk modulus of the pore water in an undrained test whose volume changes, Pa."""
+        return None
+
+    @property
+    def total(self) -> str | None:
+        """Component of the total stress that is constant in an undrained test, if the path says so."""
+        return None
 
     def flow(self, accumulated: float) -> np.ndarray:
         """Return the prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `accumulated`.
@@ -185,6 +196,7 @@ def require_consistent(path: Path) -> None:
     control = path.control()
     if control is not None:
         control.require_possible()
+    if control is not None and control.water is None:
         flow = to_six(symmetric(path.flow(0.0)))
         adjusted = control.free @ np.linalg.pinv(control.free) @ flow
         if np.abs(adjusted).max() > 1e-9:

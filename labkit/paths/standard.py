@@ -15,21 +15,22 @@ from labkit.paths.control import Control
 from labkit.paths.path import Held, Path, StressPath, rate_parameter, reversals, step_of
 from labkit.paths.step import Here, Step, StrainReached, StressReached
 from labkit.paths.strain_measures import VOLUMETRIC, StrainMeasure
+from labkit.paths.undrained import Undrained
 
 PRESSURE_LIMIT = 3e6  # Pa: at this pressure the mean overlap of the grains of Table 1 reaches 2 %
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
 
 
 @dataclasses.dataclass(frozen=True)
-class ConstantVolume(Path):
-    """CV, triaxial compression at constant volume: eps_x = eps_y = -eps_z/2 at a constant axial rate."""
+class ConstantVolume(Undrained):
+    """CV, triaxial compression at constant volume: eps_x = eps_y = -eps_z/2 at a constant axial rate.
+
+    With a bulk modulus of the pore `water` the volume changes a little: an undrained test at a constant total stress.
+    """
 
     name = "cv"
     direction = (-0.5, -0.5, 1.0)
     shear = True
-
-    def held(self) -> tuple[Held, ...]:
-        return (Held("volume", "volume"),)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -114,12 +114,14 @@ class Here:
         step_strain: Accumulated strain of a time step; 0 for a material without time steps.
         first: Stress at the start of the path, (3, 3), Pa (default: `stress`).
         undrained: Stress at the start of the undrained loading that the path continues, (3, 3), Pa; None without it.
+        pores: Volume of the cell, m3, and void ratio at the start of the path.
     """
 
     stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
     step_strain: float = 0.0
     first: np.ndarray | None = None
     undrained: np.ndarray | None = None
+    pores: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -168,15 +170,15 @@ class Step:
         return tuple(target for target in self.until.each if isinstance(target, RecordMeets))
 
     @property
-    def isochoric(self) -> bool:
-        """True if the step keeps the volume, as undrained loading does."""
+    def undrained(self) -> bool:
+        """True if the step keeps the volume or, with pore water, what is in it."""
         rates = self.rates(0.0) if self.programme is None else self.programme.mixed.strains
-        keeps = self.held is None or self.held.isochoric
+        keeps = self.held is None or self.held.isochoric or self.held.water is not None
         return keeps and bool(np.abs(np.trace(rates, axis1=-2, axis2=-1)).max() < ISOCHORIC)
 
     def facts(self, facts: Facts) -> Facts:
-        """Return the facts of a path for this step, in which it is undrained only if the step keeps the volume."""
-        return facts if self.isochoric else dataclasses.replace(facts, undrained=False, reference=None)
+        """Return the facts of a path for this step, which is perhaps drained."""
+        return facts if self.undrained else dataclasses.replace(facts, undrained=False, reference=None)
 
     @property
     def varies(self) -> bool:

@@ -46,7 +46,7 @@ class Material(abc.ABC):
     def drain(self, step: Step, stress: np.ndarray) -> None:
         """Note where undrained loading begins; `stress` (3, 3), Pa, is that at the start of a step."""
         reference = stress if self.facts.reference is None else self.facts.reference
-        self.facts = dataclasses.replace(self.facts, reference=reference if step.isochoric else None)
+        self.facts = dataclasses.replace(self.facts, reference=reference if step.undrained else None)
 
     @abc.abstractmethod
     def enter(self, number: int, step: Step) -> None:

@@ -20,7 +20,7 @@ from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import parameters_of
-from labkit.paths.path import Path
+from labkit.paths.path import Held, Path
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.registry import path_of
@@ -49,6 +49,7 @@ ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # varia
 RECORDED = (
     *ALWAYS,
     "strain",
+    "void_ratio",
     "time",
     "accumulated_strain",
     *PROGRESS,
@@ -227,6 +228,8 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
     stress = to_six(symmetric(np.asarray(record["stress"])))
     pressure = mean_stress(np.asarray(record["stress"]))
     for condition in path.held():
+        if condition.kind == "total":
+            yield f"held: {condition.name}", _total_error(condition, stress, pressure, record)
         if condition.measure is None or condition.target is None or condition.kind != "stress":
             continue
         strain = np.asarray(record.get("accumulated_strain", ()))
@@ -243,6 +246,14 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
     followed = stress_errors(path, record) if len(pressure) else {}
     for name, error in followed.items():
         yield f"prescribed: {name}", (error / np.maximum(pressure, 0.1 * pressure[0]))[:, None]
+
+
+def _total_error(held: Held, stress: np.ndarray, pressure: np.ndarray, record: Record) -> np.ndarray:
+    """Return the change of a held total stress, relative to the mean stress at the start, (time, 1)."""
+    strain, e = np.asarray(record["strain"]), np.asarray(record["void_ratio"])[0]
+    u = np.trace(strain, axis1=1, axis2=2)[:, None] * held.target * (1.0 + e) / e
+    total = stress @ np.transpose(held.measure) + u
+    return (total - total[:1]) / pressure[0]
 
 
 def prescribed_number(path_parameters: str) -> dict[str, np.ndarray]:

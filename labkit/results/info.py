@@ -110,7 +110,8 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
         cycles = format_number(float(run.lab.cycles()[-1])) + _static_shear(run)
         values["cycles"] = cycles + ", from the start of this run, which goes on from undrained loading" * goes_on
     with contextlib.suppress(InputError):  # a drained run has no r_u
-        values["largest r_u"] = format_number(float(run.lab.pore_pressure_ratio().max()))
+        how = "u measured" if "measured_pore_pressure" in run else f"constant total {run.lab.total} stress"
+        values["largest r_u"] = f"{format_number(float(run.lab.pore_pressure_ratio().max()))} ({how})"
         if start is not None and goes_on:
             values["r_u refers to"] = f"p = {format_number(float(mean_stress(start)))} Pa, before this run"
     if cyclic and run.lab.is_undrained:

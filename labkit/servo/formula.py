@@ -5,6 +5,7 @@ labkit.servo.plan explains the formula and prepares its data.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 LOW_PASS = 0.25
@@ -28,6 +29,7 @@ class ServoPlan(NamedTuple):
         isochoric: 1 if the servo keeps the volume.
         limit: Limit of the servo's rates (1/s).
         pull: G M, to be applied to a stress (3, 3), (6, 3, 3), in 1/(Pa s).
+        water: G M I K_w/n, (6,), in 1/s: what pore water adds to the rates, per unit of ln(V); 0 without water.
         kept: Operators that select, from the current velocity gradient, all rates, the free rates (P) or none,
             (3, 6, 3, 3).
         spread: Velocity gradient due to each rate, 0 for rates that are not free (K), (3, 3, 6).
@@ -44,6 +46,7 @@ class ServoPlan(NamedTuple):
     isochoric: Array
     limit: Array
     pull: Array
+    water: Array
     kept: Array
     spread: Array
 
@@ -83,7 +86,7 @@ def correct(
     """
     three, (rates, matrices) = len(wanted), memory
     if plan.controlled == 1:
-        find_rates(plan, row, totals, 1.0 / volume, before, rates)
+        find_rates(plan, row, totals, volume, before, rates)
     for i in range(three):
         for j in range(three):
             servoed = 0.0
@@ -96,12 +99,12 @@ def correct(
         exponential(time_step, wanted, matrices)
 
 
-def find_rates(plan: ServoPlan, row: int, totals: Array, per_volume: float, before: Array, rates: Array) -> None:
+def find_rates(plan: ServoPlan, row: int, totals: Array, volume: float, before: Array, rates: Array) -> None:
     """Set rates[0] to the limited, low-pass filtered rates (1/s) that bring the stresses to their targets."""
     three, six = len(before), rates.shape[1]
-    largest, memory = plan.limit, plan.memory[row]
+    largest, memory, per_volume, logarithm = plan.limit, plan.memory[row], 1.0 / volume, math.log(volume)
     for k in range(six):
-        rates[0, k], rates[1, k] = plan.goal[row, k], plan.shared[row, k]
+        rates[0, k], rates[1, k] = plan.goal[row, k] + plan.water[k] * logarithm, plan.shared[row, k]
         for i in range(three):
             for j in range(three):
                 rates[0, k] += per_volume * plan.pull[k, i, j] * totals[3 * i + j]

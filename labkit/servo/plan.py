@@ -9,12 +9,16 @@ where sigma is the stress, s the targets, b the symmetric part of the current ve
 rates. M selects the measured stresses and F the free rates; C is the stiffness of the cell, and g/T the gain divided by
 the number of steps between corrections. K is 1 for free components and 0 for all others. P = F F^+ and d are needed
 only if some rates are both prescribed and free, or if the servo preserves the volume.
+
+With pore water (Control.water), s are total stresses, sigma + u I with u = K_w/n ln(V_0/V) replaces sigma, and
+C + K_w/n I I replaces C. There is no low pass then: after a reversal it would compress the water for some corrections.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,6 +52,8 @@ class Correcting:
         isochoric: True to limit all rates by the same factor, and to add them to the prescribed rates before the
             exponential is taken.
         triangular: True to add the spin that keeps the cell upper triangular.
+        water: G M I K_w/n, (6,), in 1/s; None to hold effective stresses.
+        volume: Volume of the cell (m3) at which the excess pore pressure is 0.
     """
 
     measure: np.ndarray
@@ -57,6 +63,8 @@ class Correcting:
     limit: float
     isochoric: bool
     triangular: bool = False
+    water: np.ndarray | None = None
+    volume: float = 1.0
 
     @classmethod
     def of(cls, control: Control, limit: float, stiffness: np.ndarray, time_step: float, servo: Servo) -> Correcting:
@@ -69,13 +77,18 @@ class Correcting:
             time_step: Time step (s).
             servo: Gain and number of time steps between corrections.
         """
-        n, free = control.components, control.free
+        n, free, water = control.components, control.free, control.water
         response = control.measure[:, :n] @ stiffness @ free[:n]
+        if water is not None:
+            response += water.stiffness * np.outer(control.share, free[:3].sum(axis=0))
         measure, gain = np.zeros((6, 6)), np.zeros((6, 6))
         measure[: len(response)] = control.measure
         gain[:, : len(response)] = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
         is_held = free.any(axis=1).astype(float)
-        return cls(measure, gain, control.project, is_held, limit, control.isochoric, control.triangular)
+        fixed = measure, gain, control.project, is_held, limit, control.isochoric, control.triangular
+        if water is None:
+            return cls(*fixed)
+        return cls(*fixed, water.stiffness * gain[:, : len(response)] @ control.share, water.volume)
 
     @functools.cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -136,12 +149,15 @@ class Corrections:
         memory = both.astype(np.int64)  # rates outside the space of free rates would change the volume
         if self.anew:
             memory[0] = 2
+        water = np.zeros(6)
+        if servo.water is not None:  # no low pass
+            both, memory, water = np.zeros_like(both), np.full_like(memory, 2), servo.water
         pull, unchanged, spread = servo.sums
         return ServoPlan(
             steps=self.steps.astype(np.int64, copy=False),
             gradient=self.gradient,
             given=self.given,
-            goal=self.target @ servo.gain.T,
+            goal=self.target @ servo.gain.T - water * math.log(servo.volume),
             shared=self._prescribed_six @ servo.project.T * both[:, None],
             memory=memory,
             exponential=self.exponential.astype(np.int64),
@@ -149,12 +165,13 @@ class Corrections:
             isochoric=int(servo.isochoric),
             limit=float(servo.limit),
             pull=pull,
+            water=water,
             kept=unchanged,
             spread=spread,
         )
 
     def velocity_gradient(
-        self, row: int, time_step: float, stress: np.ndarray | None, before: np.ndarray
+        self, row: int, time_step: float, stress: np.ndarray | None, before: np.ndarray, volume: float = 1.0
     ) -> np.ndarray:
         """Return the velocity gradient (3, 3), in 1/s, of an interval.
 
@@ -163,11 +180,12 @@ class Corrections:
             time_step: Time step (s).
             stress: Current stress, (3, 3), in Pa, if a stress is held.
             before: Current velocity gradient, (3, 3), in 1/s.
+            volume: Volume of the cell (m3), read if there is water in the pores.
         """
         wanted = self.gradient[row].copy()
         if self.servo is not None and stress is not None:
             memory = np.zeros((2, 6)), np.zeros((3, 3, 3))
-            correct(self.plan, row, -np.ravel(stress), 1.0, time_step, before, wanted, memory)
+            correct(self.plan, row, -volume * np.ravel(stress), volume, time_step, before, wanted, memory)
         return wanted
 
     @property

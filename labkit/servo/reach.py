@@ -55,9 +55,12 @@ class Lag:
         return Lag(self.strain + strain, self.least_error)
 
 
-def errors(control: Control, stress: np.ndarray, accumulated_strain: float) -> np.ndarray:
-    """Return the errors (k,) of held stresses relative to the target or the mean stress, whichever is larger."""
-    target = control.at(accumulated_strain)
+def errors(control: Control, stress: np.ndarray, accumulated_strain: float, volume: float | None = None) -> np.ndarray:
+    """Return the errors (k,) of held stresses relative to the target or the mean stress, whichever is larger.
+
+    With water in the pores, give the `volume` of the cell, m3.
+    """
+    target = control.at(accumulated_strain, volume)
     missing = target - control.measure @ to_six(symmetric(stress))
     scale = np.maximum(np.abs(target), abs(float(mean_stress(stress))))
     return np.abs(missing) / np.maximum(scale, np.finfo(float).tiny)
@@ -76,11 +79,13 @@ def is_at_limit(control: Control, rate: np.ndarray, prescribed: np.ndarray, limi
     return bool(np.abs(adjusted).max() >= AT_LIMIT * limit)
 
 
-def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, accumulated_strain: float) -> str:
+def unreachable(
+    control: Control, names: tuple[str, ...], stress: np.ndarray, accumulated_strain: float, volume: float
+) -> str:
     """Return a sentence about the held stress with the largest error; `names` are the names of the held stresses."""
-    worst = int(errors(control, stress, accumulated_strain).argmax())
+    worst = int(errors(control, stress, accumulated_strain, volume).argmax())
     now = float(control.measure[worst] @ to_six(symmetric(stress)))
-    target = float(control.at(accumulated_strain)[worst])
+    target = float(control.at(accumulated_strain, volume)[worst])
     return (
         f"{names[worst]} does not reach its target of {target / 1e3:.4g} kPa: it is {now / 1e3:.4g} kPa after "
         f"{STRAIN:.0%} of strain at the largest strain rate of the servo, so the target is beyond the strength of the "

@@ -14,6 +14,7 @@ from labkit.engines.device import Device
 from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.micro.stress import mean_stress
+from labkit.micro.void_ratio import void_ratio
 from labkit.paths.ending import Cause, Ending, Endings
 from labkit.paths.facts import facts_of
 from labkit.paths.path import Path
@@ -88,6 +89,8 @@ class Grains(Material):
         self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
         self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
         self.here = Here(self.position.stress, step_strain, *starts)
+        if stored:
+            self.here.pores = float(stored.first["volume"]), float(stored.first["void_ratio"])
         self.number = -1
         self.is_checkpoint = self.stress_reached = False
 
@@ -103,6 +106,7 @@ class Grains(Material):
         if fresh:
             self.here.stress = self.position.stress = yield lambda engine: engine.stress()
             self.here.first = self.instant.stress
+            self.here.pores = self.instant.snapshot.volume, void_ratio(self.instant.snapshot)
         most = ahead(state.number_of_grains) if abilities.follow is not None else 1
         of_path = rate_of(self.path), state.time_step, options.servo
         self.loading = Loading(self.clock, *of_path, self.stopping, most, state.velocity_gradient)
@@ -275,14 +279,15 @@ class Grains(Material):
         if reason or step.held is None:
             return reason
         limit, prescribed = rate * step.rate_limit, rate * step.rates(self.accumulated_strain)
-        error = float(errors(step.held, stress, self.accumulated_strain).max())
+        here = stress, self.accumulated_strain, self.instant.snapshot.volume
+        error = float(errors(step.held, *here).max())
         strain = limit / self.clock.pace * state.time_step * self.schedule.steps_per_record
         at_limit = error > ERROR and is_at_limit(step.held, -state.velocity_gradient, prescribed, limit)
         self.position.lag = self.position.lag.after(strain, error, at_limit)
         if not self.position.lag.hopeless:
             return ""
         label = "" if programme is None else programme.label
-        return label + unreachable(step.held, step.held.names, stress, self.accumulated_strain)
+        return label + unreachable(step.held, step.held.names, *here)
 
     def checkpoint(self, state: State, complete: bool) -> Checkpoint:
         """Return the Checkpoint of a State of this run."""

@@ -53,7 +53,9 @@ def goes_on(path: Path, state: State) -> bool:
     control = next(iter(path.steps_from(Here(stress)))).held
     if path.start_pressure() is None:
         return True
-    return control is not None and not path.has_programmes and float(errors(control, stress, 0.0).max()) <= ERROR
+    if control is None or control.water is not None or path.has_programmes:
+        return False
+    return float(errors(control, stress, 0.0).max()) <= ERROR
 
 
 def default_pressure(path: Path, state: State) -> float:

@@ -42,6 +42,7 @@ PLAN = PointerTable(
     **dict.fromkeys(("controlled", "isochoric"), (int,)),
     limit=(float,),
     pull=(float, "six", "three", "three"),
+    water=(float, "six"),
     kept=(float, 3, "six", "three", "three"),
     spread=(float, "three", "three", "six"),
 )
