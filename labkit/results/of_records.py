@@ -91,13 +91,10 @@ class OfRecords(Accessor):
     def total(self) -> str:
         """Component of the total stress to which pore pressures refer, which is constant in the test.
 
-        It is what the path says; otherwise `radial` in a triaxial test of a laboratory, whose cell pressure is
-        constant, and `mean` in any other test.
+        If the path does not say it, it is `radial` in a triaxial test of a laboratory, and otherwise `mean`.
         """
-        if self.path is not None and self.path.total is not None:
-            return self.path.total
         measured = self._run.attrs.get("engine") == LABORATORY
-        return "radial" if measured and self.axisymmetric else "mean"
+        return (self.path and self.path.total) or ("radial" if measured and self.axisymmetric else "mean")
 
     @property
     def axisymmetric(self) -> bool:
@@ -267,8 +264,7 @@ class OfRecords(Accessor):
     @property
     def is_undrained(self) -> bool:
         """True if the volume is constant, or changes as that of the pore water does."""
-        on_water = self.path is not None and self.path.water is not None
-        return on_water or undrained.is_constant(self._run["volume"].values)
+        return bool(self.path and self.path.water is not None) or undrained.is_constant(self._run["volume"].values)
 
     def strength_shares(self) -> xr.DataArray:
         """Return the contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time).
