@@ -95,9 +95,7 @@ def test_b_is_skemptons_with_the_skeleton_as_measured(soft_specimen):
     snapshot = soft_specimen.snapshot()
     loaded = lk.run(soft_specimen, IsotropicTotal(), progress=False).data
     p = loaded.lab.mean_stress().values
-    compressed = lk.run(
-        soft_specimen, lk.paths.IsotropicCompression(pressure=1.01 * float(p[0])), progress=False
-    ).data
+    compressed = lk.run(soft_specimen, lk.paths.IsotropicCompression(pressure=1.01 * float(p[0])), progress=False).data
     strain = np.log(compressed["volume"].values[0] / compressed["volume"].values[-1])
     skeleton = float(np.ptp(compressed.lab.mean_stress().values)) / strain
     e = float(loaded["void_ratio"].values[0])
@@ -150,7 +148,9 @@ def test_the_command_line_says_total_and_verify_judges_it(specimen_file, tmp_pat
 def test_yade_holds_the_same_total_stress(soft_specimen):
     path = CV(strain=0.002, water=AIRY, total="radial")
     ours, yades = (lk.run(soft_specimen, path, engine=engine, **OPTIONS).data for engine in ("fused", "yade"))
-    np.testing.assert_allclose(yades["stress"].values, ours["stress"].values, atol=1e-4 * float(ours.lab.mean_stress()[0]))
+    np.testing.assert_allclose(
+        yades["stress"].values, ours["stress"].values, atol=1e-4 * float(ours.lab.mean_stress()[0])
+    )
 
 
 @pytest.mark.parametrize("total", TOTAL)
