@@ -14,9 +14,10 @@ from labkit.errors import InputError
 from labkit.files.writable import require_writable, stem
 from labkit.grains.scene import Scene
 from labkit.parameters import parameters_of
+from labkit.paths.path import Path
 from labkit.plugins.laboratory_data.comparing import CURVES, misfit
 from labkit.plugins.laboratory_data.layout import Separator
-from labkit.plugins.laboratory_data.posterior import calibrate_grains
+from labkit.plugins.laboratory_data.posterior import calibrate_grains, posterior_of
 from labkit.plugins.laboratory_data.reading import (
     SIGNS,
     STRAINS,
@@ -27,7 +28,8 @@ from labkit.plugins.laboratory_data.reading import (
     read_measured,
     write_measured,
 )
-from labkit.plugins.laboratory_data.sampling import GrainTests
+from labkit.plugins.laboratory_data.sampling import GrainTests, read_samples
+from labkit.plugins.laboratory_data.sheet import predict, require_ags4, write_ags4, write_pdf
 from labkit.results.run import Run
 
 Scatter = Annotated[
@@ -90,10 +92,7 @@ def measured_command(
             --licence "CC BY 4.0" -o tmd2.run.nc
     """
     require_writable(output, "run")
-    kind, written = named_path(path)
-    for name in sorted(loading.keys() - parameters_of(kind).keys()):
-        raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
-    test = kind(**{**written, **loading})
+    test = _test(path, loading)
     columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
     said = vars(table) | {"rows": _pairs(table.rows or (), "rows"), "group": table.ags4, "name": stem(output)}
     for option in ("column", "ags4"):
@@ -104,6 +103,14 @@ def measured_command(
     print(preview(measured))
     last = measured.data["axial_strain"].values[-1]
     print(f"{output}: {measured.data.sizes['time']} rows, axial strain to {last:.4g}")
+
+
+def _test(path: str, loading: Texts) -> Path:
+    """Return the path that the user names, with its options. Raises InputError for those of another path."""
+    kind, written = named_path(path)
+    for name in sorted(loading.keys() - parameters_of(kind).keys()):
+        raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
+    return kind(**{**written, **loading})
 
 
 def _column(name: str, text: str) -> Column:
@@ -175,16 +182,41 @@ class Sampling:
     seed: Annotated[int, Option("seed of the parameters and of the specimens")] = 1
 
 
-@command("calibrate-grains")
-def calibrate_grains_command(
-    measured: Annotated[list[str], Option("measured tests, from labkit measured")],
-    *,
-    free: Annotated[list[str], Option("parameter of the grains and its range", "PARAMETER=LOW..HIGH")],
-    scatter: Scatter,
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What a calibration is about."""
+
+    free: Annotated[list[str], Option("parameter of the grains and its range", "PARAMETER=LOW..HIGH")]
+    scatter: Scatter
     void_ratio_limits: Annotated[
         list[float] | None,
         Option("e_min and e_max of the sand, to reproduce relative densities instead of void ratios", "e"),
-    ] = None,
+    ] = None
+
+    def tests(self, measured: Sequence[str], scene: Scene) -> GrainTests:
+        """Return the tests of a calibration, from files. Raises InputError."""
+        ranges = {}
+        for name, text in _pairs(self.free, "free").items():
+            try:
+                low, high = map(float, text.split(".."))
+            except ValueError:
+                raise InputError(field="free", value=f"{name}={text}", allowed="PARAMETER=LOW..HIGH") from None
+            ranges[name] = (low, high)
+        limits = self.void_ratio_limits
+        if limits is not None and len(limits) != 2:
+            raise InputError(field="void_ratio_limits", value=len(limits), allowed="e_min and e_max")
+        runs, scatter = {stem(file): Run.open(file) for file in measured}, _numbers_by_name(self.scatter, "scatter")
+        return GrainTests(runs, ranges, scatter, scene, None if limits is None else (limits[0], limits[1]))
+
+
+MeasuredTests = Annotated[list[str], Option("measured tests, from labkit measured")]
+
+
+@command("calibrate-grains")
+def calibrate_grains_command(
+    measured: MeasuredTests,
+    *,
+    calibration: Annotated[Calibration, Made(Calibration)],
     sampling: Annotated[Sampling, Made(Sampling)],
     scene: Annotated[Scene, Instance(Scene, MATERIAL)],
     output: Annotated[str, Option("samples, each written once computed; repeat the command to resume", "FILE")],
@@ -196,22 +228,7 @@ def calibrate_grains_command(
         labkit calibrate-grains tmd2.run.nc tmd22.run.nc --free friction=0.1..1 rolling_friction=0.02..1
             --scatter stress_ratio=0.03 volumetric_strain=0.003 --void-ratio-limits 0.677 1.054 -o samples.jsonl
     """
-    ranges = {}
-    for name, text in _pairs(free, "free").items():
-        try:
-            low, high = map(float, text.split(".."))
-        except ValueError:
-            raise InputError(field="free", value=f"{name}={text}", allowed="PARAMETER=LOW..HIGH") from None
-        ranges[name] = (low, high)
-    if void_ratio_limits is not None and len(void_ratio_limits) != 2:
-        raise InputError(field="void_ratio_limits", value=len(void_ratio_limits), allowed="e_min and e_max")
-    tests = GrainTests(
-        {stem(file): Run.open(file) for file in measured},
-        ranges,
-        _numbers_by_name(scatter, "scatter"),
-        scene,
-        None if void_ratio_limits is None else (void_ratio_limits[0], void_ratio_limits[1]),
-    )
+    tests = calibration.tests(measured, scene)
     posterior = calibrate_grains(
         tests, **vars(sampling), file=output, progress=lambda done, text: print(text, flush=True)
     )
@@ -220,3 +237,42 @@ def calibrate_grains_command(
     table = posterior.table().rename_axis("parameter").reset_index()
     print(table.to_string(index=False, float_format="%.4g"))
     write_table(table, csv, [*measured, output])
+
+
+@command("predict")
+def predict_command(
+    path: Annotated[str, Option("loading path of the test, or a path file, FILE.yaml")],
+    measured: MeasuredTests,
+    *,
+    loading: Annotated[Texts, PathOptions(("free", "measured"))],
+    void_ratio: Annotated[float, Option("void ratio of the sand", "e")],
+    samples: Annotated[str, Option("samples of the grains, from labkit calibrate-grains", "FILE")],
+    calibration: Annotated[Calibration, Made(Calibration)],
+    draws: Annotated[int, Option("number of sets of parameters, with a specimen each")] = 6,
+    grains: Annotated[int, Option("number of grains of a specimen")] = 300,
+    scene: Annotated[Scene, Instance(Scene, MATERIAL)],
+    output: Annotated[str, Option("sheet to write, PDF", "FILE")],
+    ags4: Annotated[str | None, Option("AGS4 file to write", "FILE")] = None,
+    csv: Csv = None,
+) -> None:
+    """Predicts a test that was not carried out, from calibrated grains, with intervals of 90 %.
+
+    Give the measured tests and options of the calibration again.
+
+    Example:
+        labkit predict cr tmd2.run.nc tmd22.run.nc --pressure 200kPa --strain 0.1 --void-ratio 0.816
+            --free friction=0.1..1 rolling_friction=0.02..1 --scatter stress_ratio=0.03 volumetric_strain=0.003
+            --void-ratio-limits 0.677 1.054 --samples samples.jsonl -o sheet.pdf
+    """
+    test = _test(path, loading)
+    if ags4 is not None:
+        require_ags4(test)
+    tests = calibration.tests(measured, scene)
+    posterior = posterior_of(tests, read_samples(tests, samples))
+    prediction = predict(tests, posterior, test, void_ratio, draws, grains)
+    table = prediction.table()
+    print(f"{prediction.title}\n{table.to_string(index=False, float_format='%.4g')}")
+    write_pdf(prediction, output)
+    if ags4 is not None:
+        write_ags4(prediction, ags4)
+    write_table(table, csv, [*measured, samples])

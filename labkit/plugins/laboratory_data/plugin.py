@@ -11,3 +11,4 @@ register_command(
     "labkit.plugins.laboratory_data.command",
     "find the parameters of the grains from measured tests",
 )
+register_command("predict", "labkit.plugins.laboratory_data.command", "predict a test from calibrated grains")

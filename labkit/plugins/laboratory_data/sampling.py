@@ -95,6 +95,25 @@ class GrainTests:
 
     def repeat(self, parameters: Mapping[str, float], grains: int, seed: int) -> dict[str, Run]:
         """Repeat every test on grains with these parameters. Raises PhysicsError if a specimen or test fails."""
+        tests = {name: (_path(test), float(test.data["void_ratio"][0])) for name, test in self.measured.items()}
+        return self._test(parameters, tests, {n: _pressure(t) for n, t in self.measured.items()}, grains, seed)
+
+    def test(self, parameters: Mapping[str, float], path: Path, void_ratio: float, grains: int, seed: int) -> Run:
+        """Carry out a test that was not measured, at a void ratio of the sand. Raises InputError or PhysicsError."""
+        pressure = getattr(path, "pressure", None)
+        if pressure is None:
+            raise InputError("is missing", field="pressure", allowed="that of the test")
+        return self._test(parameters, {"test": (path, void_ratio)}, {"test": pressure}, grains, seed)["test"]
+
+    def _test(
+        self,
+        parameters: Mapping[str, float],
+        tests: Mapping[str, tuple[Path, float]],
+        pressures: Mapping[str, float],
+        grains: int,
+        seed: int,
+    ) -> dict[str, Run]:
+        """Carry out tests, name -> path and void ratio, at pressures. Raises PhysicsError if one of them fails."""
         scene = self.grains(parameters)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LabkitWarning)  # the warning does not apply: small specimens are intended
@@ -102,22 +121,21 @@ class GrainTests:
             limits = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
             outcomes = run_many(
                 [
-                    (_specimen(scene, self._share(test, limits), _pressure(test), grains, seed), _path(test))
-                    for test in self.measured.values()
+                    (_specimen(scene, self._share(e, limits), pressures[name], grains, seed), path)
+                    for name, (path, e) in tests.items()
                 ],
                 progress=False,
                 snapshots=2,
             )
         runs = {}
-        for name, outcome in zip(self.measured, outcomes, strict=True):
+        for name, outcome in zip(tests, outcomes, strict=True):
             if outcome.run is None or outcome.failure:
                 raise PhysicsError(f"{name}: {outcome.failure}")
             runs[name] = outcome.run
         return runs
 
-    def _share(self, measured: Run, limits: list[float]) -> float:
-        """Return the fraction of the friction that yields the density of a test; `limits`: void ratios for SHARES."""
-        wanted = float(measured.data["void_ratio"][0])
+    def _share(self, wanted: float, limits: list[float]) -> float:
+        """Return the fraction of the friction for a void ratio of the sand; `limits`: void ratios for SHARES."""
         if self.limits is not None:
             low, high = self.limits
             wanted = limits[0] + (wanted - low) / (high - low) * (limits[-1] - limits[0])

@@ -23,10 +23,10 @@ def curves(friction, rolling_friction, along):
     return ratio, 0.01 * along - 0.06 * friction * along**2 + 0.1 * rolling_friction * along
 
 
-def measured_test(folder):
+def measured_test(folder, **others):
     rows = ["e ev s1 s3"]
     for along in np.linspace(0.0, 1.0, 41):
-        ratio, volume = curves(**HIDDEN, along=along)
+        ratio, volume = curves(**{**HIDDEN, **others}, along=along)
         stress = 100.0 * (1.0 + 2.0 * ratio / 3.0) / (1.0 - ratio / 3.0)
         rows.append(f"{0.1 * along} {volume} {stress} 100")
     file = folder / "measured.txt"
