@@ -29,7 +29,7 @@ from labkit.plugins.laboratory_data.reading import (
     write_measured,
 )
 from labkit.plugins.laboratory_data.sampling import GrainTests, read_samples
-from labkit.plugins.laboratory_data.sheet import predict, require_ags4, write_ags4, write_pdf
+from labkit.plugins.laboratory_data.sheet import predict_test, require_ags4, write_ags4, write_pdf
 from labkit.results.run import Run
 
 Scatter = Annotated[
@@ -239,21 +239,35 @@ def calibrate_grains_command(
     write_table(table, csv, [*measured, output])
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Specimens:
+    """The specimens of a predicted test."""
+
+    void_ratio: Annotated[float, Option("void ratio of the sand", "e")]
+    draws: Annotated[int, Option("number of sets of parameters, with a specimen each")] = 6
+    grains: Annotated[int, Option("number of grains of a specimen")] = 300
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """The files of a predicted test."""
+
+    output: Annotated[str, Option("sheet to write, PDF", "FILE")]
+    ags4: Annotated[str | None, Option("AGS4 file to write", "FILE")] = None
+    csv: Csv = None
+
+
 @command("predict")
 def predict_command(
     path: Annotated[str, Option("loading path of the test, or a path file, FILE.yaml")],
     measured: MeasuredTests,
     *,
     loading: Annotated[Texts, PathOptions(("free", "measured"))],
-    void_ratio: Annotated[float, Option("void ratio of the sand", "e")],
+    specimens: Annotated[Specimens, Made(Specimens)],
     samples: Annotated[str, Option("samples of the grains, from labkit calibrate-grains", "FILE")],
     calibration: Annotated[Calibration, Made(Calibration)],
-    draws: Annotated[int, Option("number of sets of parameters, with a specimen each")] = 6,
-    grains: Annotated[int, Option("number of grains of a specimen")] = 300,
     scene: Annotated[Scene, Instance(Scene, MATERIAL)],
-    output: Annotated[str, Option("sheet to write, PDF", "FILE")],
-    ags4: Annotated[str | None, Option("AGS4 file to write", "FILE")] = None,
-    csv: Csv = None,
+    sheet: Annotated[Sheet, Made(Sheet)],
 ) -> None:
     """Predicts a test that was not carried out, from calibrated grains, with intervals of 90 %.
 
@@ -264,15 +278,17 @@ def predict_command(
             --free friction=0.1..1 rolling_friction=0.02..1 --scatter stress_ratio=0.03 volumetric_strain=0.003
             --void-ratio-limits 0.677 1.054 --samples samples.jsonl -o sheet.pdf
     """
+    from labkit.figures.plots import require_format
+
     test = _test(path, loading)
-    if ags4 is not None:
+    require_format(sheet.output, ".pdf")
+    if sheet.ags4 is not None:
         require_ags4(test)
     tests = calibration.tests(measured, scene)
-    posterior = posterior_of(tests, read_samples(tests, samples))
-    prediction = predict(tests, posterior, test, void_ratio, draws, grains)
+    prediction = predict_test(tests, posterior_of(tests, read_samples(tests, samples)), test, **vars(specimens))
     table = prediction.table()
     print(f"{prediction.title}\n{table.to_string(index=False, float_format='%.4g')}")
-    write_pdf(prediction, output)
-    if ags4 is not None:
-        write_ags4(prediction, ags4)
-    write_table(table, csv, [*measured, samples])
+    write_pdf(prediction, sheet.output, [*measured, samples])
+    if sheet.ags4 is not None:
+        write_ags4(prediction, sheet.ags4)
+    write_table(table, sheet.csv, [*measured, samples])

@@ -10,6 +10,7 @@ import dataclasses
 import datetime
 import math
 import types
+from collections.abc import Sequence
 from pathlib import Path as File
 
 import numpy as np
@@ -87,7 +88,7 @@ class Prediction:
         return f"Path {self.path.name}{start}, void ratio {self.void_ratio:g}, from {', '.join(self.tests)}"
 
 
-def predict(
+def predict_test(
     tests: GrainTests, posterior: Posterior, path: Path, void_ratio: float, draws: int = 6, grains: int = 300
 ) -> Prediction:
     """Predict a test that was not carried out. Raises InputError, and PhysicsError if a specimen or test fails.
@@ -108,14 +109,20 @@ def predict(
     return Prediction(path, void_ratio, runs, dict(tests.scatter), misfit, tuple(tests.measured))
 
 
-def write_pdf(prediction: Prediction, file: str) -> None:
-    """Write the sheet: curves with intervals, the table, and what grains of this kind cannot predict."""
-    import matplotlib.pyplot as plt
-    from matplotlib.backends.backend_pdf import PdfPages
+def write_pdf(prediction: Prediction, file: str, inputs: Sequence[str] = ()) -> None:
+    """Write the sheet: curves with intervals, the table, and what grains of this kind cannot predict.
+
+    Args:
+        prediction: The prediction.
+        file: PDF to write.
+        inputs: Files from which it was made.
+    """
+    from labkit.figures.frame import new_panels
+    from labkit.figures.plots import save
 
     strain = float(prediction.path.strain) * (1.0 - 1e-3) * np.linspace(0.0, 1.0, POINTS + 1)
     rows = len(prediction.scatter) + 1
-    figure, panels = plt.subplots(rows, 1, figsize=(8.27, 11.69), layout="constrained")
+    figure, panels = new_panels(rows, 1, 11.69, 8.27)
     for axes, name in zip(panels, prediction.scatter, strict=False):
         values = prediction.curves(name, strain)
         axes.plot(strain, values["predicted"], label="predicted")
@@ -128,9 +135,7 @@ def write_pdf(prediction: Prediction, file: str) -> None:
     panels[-1].table(cells, colLabels=list(table), loc="upper center")
     panels[-1].text(0.0, 0.0, LIMITS, wrap=True, fontsize=8, va="bottom")
     figure.suptitle(prediction.title)
-    with PdfPages(file) as pages:
-        pages.savefig(figure)
-    plt.close(figure)
+    save(figure, file, inputs)
 
 
 def require_ags4(path: Path) -> types.ModuleType:
