@@ -36,6 +36,7 @@ def with_another_bit(state: State) -> State:
 
 def records(state: State, path: StrainPath, engine: Device, steps: int) -> np.ndarray:
     """Return q/p, the coordination number and the void ratio in the records of a run, (3, record)."""
+    assert path.rate is not None
     every = path.rate * state.time_step * steps / RECORDS
     run = lk.run(state, path, engine=engine, progress=False, record_strain=every, snapshots=0, guarded=False)
     return np.array([run.data.lab.stress_ratio(), run.data["coordination_number"], run.data["void_ratio"]])

@@ -75,6 +75,7 @@ def differences(one: Path, other: Path) -> tuple[int, list[str]]:
 
 def run_to(file: Path, state: State, path: StrainPath, engine: Device, steps: int) -> None:
     """Run a path for some time steps, with a record and a snapshot after every third of them."""
+    assert path.rate is not None
     lk.run(
         state,
         path,
