@@ -249,7 +249,7 @@ class Specimens:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Sheet:
+class SheetFiles:
     """The files of a predicted test."""
 
     output: Annotated[str, Option("sheet to write, PDF", "FILE")]
@@ -267,7 +267,7 @@ def predict_command(
     samples: Annotated[str, Option("samples of the grains, from labkit calibrate-grains", "FILE")],
     calibration: Annotated[Calibration, Made(Calibration)],
     scene: Annotated[Scene, Instance(Scene, MATERIAL)],
-    sheet: Annotated[Sheet, Made(Sheet)],
+    sheet: Annotated[SheetFiles, Made(SheetFiles)],
 ) -> None:
     """Predicts a test that was not carried out, from calibrated grains, with intervals of 90 %.
 
