@@ -140,3 +140,25 @@ def test_a_users_engine_may_not_have_the_name_of_a_plugins(tmp_path):
     command = ["specimen", "--void-ratio", "0.67", "--engine", "lammps", "--use", "mine.py", "-o", "s.state.nc"]
     done = python(PACKAGE.parent, tmp_path, "-m", "labkit.cli", *command)
     assert done.returncode == 2 and "name lammps " in done.stderr, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("raise RuntimeError('broken')", "RuntimeError: broken"),
+        ("import nothing_of_this_name", "ModuleNotFoundError: No module named 'nothing_of_this_name'"),
+        ("import sys; sys.exit(3)", "SystemExit: 3"),
+        ("def f(:", "SyntaxError: invalid syntax (plugin.py, line 1)"),
+    ],
+)
+def test_a_plugin_that_fails_is_named_and_left_out(content, said, copy, tmp_path):
+    file = copy / "labkit" / "plugins" / "pictures" / "plugin.py"
+    whole = file.read_text()
+    file.write_text(content)
+    try:
+        done = python(copy, tmp_path, "-m", "labkit.cli", "--help")
+    finally:
+        file.write_text(whole)
+    assert done.returncode == 0 and "  picture " not in done.stdout
+    assert done.stderr == f"labkit: the plug-in pictures is not loaded ({said}): install labkit again\n"

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from labkit.errors import InputError
+from labkit.errors import InputError, notice
 
 PLUGINS = (
     "plugins.campaigns",
@@ -50,11 +50,17 @@ def register_command(name: str, module: str, summary: str, after: str = "") -> N
 
 @functools.cache
 def load_plugins(room: str = "plugins") -> None:
-    """Load the plug-ins inside a package of labkit, by default those in labkit/plugins."""
+    """Load the plug-ins inside a package of labkit, by default those in labkit/plugins, and name those that fail."""
     for plugin in PLUGINS:
         module = f"labkit.{plugin}.plugin"
         if plugin.rpartition(".")[0] == room and is_there(module):
-            importlib.import_module(module)
+            try:
+                importlib.import_module(module)
+            except InputError:  # a user's file has taken a name of the plug-in
+                raise
+            except (Exception, SystemExit) as error:
+                why = f"{type(error).__name__}: {error}"
+                notice(f"the plug-in {module.split('.')[2]} is not loaded ({why}): install labkit again")
 
 
 def plugin_of(place: str) -> str | None:
