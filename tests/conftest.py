@@ -7,6 +7,7 @@ hook fails a test without the marker that starts a process. Likewise for the mar
 `-m "not yade"` needs no YADE.
 """
 
+import contextlib
 import fcntl
 import os
 import re
@@ -21,6 +22,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import labkit
+from labkit.engines.kernel.host import library_file
 from labkit.files import provenance
 from labkit.files.caches import cache_folder
 from tests.forked import Forks
@@ -68,6 +70,8 @@ def watch(event, given):
 
 def pytest_configure(config):
     provenance.commit(), provenance.machine()  # calls git and uname once per process, here before the hook exists
+    with contextlib.suppress(labkit.InputError):  # a test says that there is no compiler
+        library_file()  # starts the compiler once
     sys.addaudithook(watch)
 
 
