@@ -19,7 +19,7 @@ from labkit.grains.laws import LAWS
 from tests.conftest import PATIENCE, ROOT
 
 CASES = [*LAWS, "clumps", "frictionless"]
-FROM_C = {"malloc", "free", "memcpy", "memmove", "memset", "pow"}
+FROM_C = {"malloc", "free", "memcpy", "memmove", "memset", "pow", "log"}
 OF_LINKER = {"memory", "__indirect_function_table", "__stack_pointer", "__memory_base", "__table_base"}
 ONE_LAW = """
 import sys
