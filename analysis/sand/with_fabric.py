@@ -73,11 +73,12 @@ def compressed(scene: lk.Scene, share: float, pressure: float, seed: int) -> lk.
 def sheared(state: lk.State, strain: float, pressure: float) -> lk.State:
     """Return the specimen at its isotropic stress after a shear to a strain, and back to q = 0."""
     path = lk.paths.ConstantMeanStress(pressure=pressure, strain=strain, rate=RATE)
-    turned = lk.run(state, path, engine=DEVICE, progress=False, snapshots=2).state
-    back = dataclasses.replace(path, strain=-2.0 * strain)
-    stop = "q < 0" if strain > 0.0 else "q > 0"
-    often = abs(strain) / 50.0
-    run = lk.run(turned, back, engine=DEVICE, progress=False, snapshots=2, stop_when=stop, record_strain=often)
+    run = lk.run(state, path, engine=DEVICE, progress=False, snapshots=2)
+    if run.data.lab.q()[-1] * strain > 0.0:  # stiff grains may start with as much q of the other sign
+        back = dataclasses.replace(path, strain=-2.0 * strain)
+        stop = "q < 0" if strain > 0.0 else "q > 0"
+        often = abs(strain) / 50.0
+        run = lk.run(run.state, back, engine=DEVICE, progress=False, snapshots=2, stop_when=stop, record_strain=often)
     return lk.consolidate(run.state.at_rest(), pressure, engine=DEVICE, progress=False)
 
 
