@@ -55,15 +55,20 @@ class Tuning:
 STANDARD = Tuning()
 TUNINGS = tuple(Tuning(*each) for each in itertools.product((0.03, 0.05, 0.1), ("off", "on"), (200, 1000)))
 
-# remap v: grains keep their positions and velocities, and images move with the cell. No fix adds the velocity of the
-# mean field, so the input adds it once at the start.
-INPUT = """\
+HEAD = """\
 units si
 atom_style sphere
 atom_modify sort {sort} 0.0
 boundary p p p
 comm_modify vel yes
 newton {newton}
+"""
+
+# remap v: grains keep their positions and velocities, and images move with the cell. No fix adds the velocity of the
+# mean field, so the input adds it once at the start.
+INPUT = (
+    HEAD
+    + """\
 read_data "{data}"
 neighbor {skin:.17g} bin
 neigh_modify every 1 delay 0 check yes
@@ -85,6 +90,7 @@ fix cell all deform 1 x trate {rates[0]:.17g} y trate {rates[1]:.17g} z trate {r
 thermo {every}
 run {steps}
 """
+)
 
 
 @dataclasses.dataclass(frozen=True)

