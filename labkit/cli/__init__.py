@@ -5,13 +5,14 @@ dispatch      parses a command line, calls the function of the command, reports 
 arguments     makes options from the signature of a function and from the table of parameters
 parser        the parser of command lines and the layout of the help
 outputs       names output files by default, checks them, writes figures and tables
-simulate      specimen, consolidate, run
+simulate      specimen, consolidate, bond, run
 verify        verify, critical, info
 figure        figure, grading
 model         model, calibrate
-campaign      campaign; the module job runs one job of a campaign
+completion    completion
+demo          demo
 
-Every other module has one command.
+The other commands belong to plug-ins.
 """
 
 import os

@@ -26,7 +26,6 @@ from labkit.figures.frame import (
     plain_ticks,
     table_of,
 )
-from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
 from labkit.results.endings import LABORATORY
 from labkit.results.of_records import EQUATIONS
@@ -107,38 +106,36 @@ def _of_path(of: Callable[[xarray.Dataset], xarray.DataArray]) -> Coordinate:
     return Coordinate(lambda run: as_axis(of(run))[0], lambda run, stress: as_axis(of(run))[1])
 
 
+def _of_quantity(name: str, unit: str = "", factor: float = 1.0, least: float = 0.0) -> Coordinate:
+    """Return a coordinate with values and label of the table of quantities, and the values times a factor in a unit."""
+
+    def label(run: xarray.Dataset) -> str:
+        return BREAK.join(run.lab.quantity(name).attrs["long_name"].split(", ", 1)) + (unit and f" ({unit})")
+
+    return Coordinate(label, lambda run, stress: factor * run.lab.quantity(name, stress).values, True, least)
+
+
 def _component(label: str, i: int, j: int) -> Coordinate:
     return Coordinate(label, lambda run, stress: symmetric(run[stress].values)[:, i, j] / 1e6, True)
 
 
 BREAK = ",\n"
-COMPRESSION = ",\ncompression positive"
 STRAIN = _of_path(lambda run: run.lab.strain())
 ACCUMULATED = _of_path(lambda run: run.lab.accumulated_strain())
 ABSCISSA = _of_path(lambda run: run.lab.abscissa())
-P = Coordinate("mean stress p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6, True)
-Q = Coordinate(
-    lambda run: f"{BREAK.join(run.lab.q().attrs['long_name'].split(', '))} (MPa)",
-    lambda run, stress: run.lab.q(stress).values / 1e6,
-    True,
-)
-INVARIANT = Coordinate(
-    "deviatoric stress,\ninvariant q (MPa)", lambda run, stress: equivalent_stress(run[stress].values) / 1e6, True
-)
+P, Q, INVARIANT = (_of_quantity(name, "MPa", 1e-6) for name in ("p", "q", "deviator"))
 SHEAR_STRESS = _component("shear stress $\\sigma_{xz}$ (MPa)", 0, 2)
 NORMAL_STRESS = _component("normal stress $\\sigma_{zz}$ (MPa)", 2, 2)
 LOG_P = dataclasses.replace(P, logarithmic=True)
 LOG_NORMAL = dataclasses.replace(NORMAL_STRESS, logarithmic=True)
 INVARIANT_RATIO = Coordinate(
     "stress ratio, invariant q/p",
-    lambda run, stress: equivalent_stress(run[stress].values) / run.lab.mean_stress(stress).values,
+    lambda run, stress: (run.lab.quantity("deviator", stress) / run.lab.quantity("p", stress)).values,
     True,
 )
-STRESS_RATIO = Coordinate("stress ratio q/p", lambda run, stress: run.lab.stress_ratio(stress).values, True)
+STRESS_RATIO = _of_quantity("stress_ratio")
 VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].values, least=0.01)
-VOLUMETRIC = Coordinate(
-    f"volumetric strain (%){COMPRESSION}", lambda run, _: 100 * run.lab.volumetric_strain().values, least=0.1
-)
+VOLUMETRIC = dataclasses.replace(_of_quantity("volumetric_strain", "%", 100.0, least=0.1), of_stress=False)
 ERROR = Coordinate(
     lambda run: f"error of {EQUATIONS[_equation_of(run)]}, norm (%)",
     lambda run, stress: 100.0 * run.lab.sff_error(_equation_of(run)).values,

@@ -45,9 +45,9 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
         ratio = abs(state["M"]) if q is INVARIANT else state["M"]
         middle.plot(state["p_MPa"], ratio * state["p_MPa"], **look, zorder=3)
         handles.append(Line2D([], [], **look, lw=1.2, label=plain(name)))
-    left.set(xlabel=P.label, ylabel=VOID_RATIO.label, xscale="log")
+    left.set(xlabel=P.common_label(runs.values()), ylabel=VOID_RATIO.label, xscale="log")
     plain_ticks(left.xaxis)
-    middle.set(xlabel=P.label, ylabel=q.common_label(runs.values()), xlim=(0, None))
+    middle.set(xlabel=P.common_label(runs.values()), ylabel=q.common_label(runs.values()), xlim=(0, None))
     right.set(
         xlabel=STRAIN.common_label(runs.values()), ylabel="void ratio e" if line is None else "state parameter $\\psi$"
     )

@@ -205,7 +205,7 @@ def cycles(run: Given) -> frame.Drawn:
 
 def _with_sign(label: str) -> str:
     """Add to the label of an axial strain which sign is positive; a shear strain needs none."""
-    return label + coordinates.COMPRESSION if label.startswith("axial") else label
+    return label + ",\ncompression positive" if label.startswith("axial") else label
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:

@@ -181,8 +181,8 @@ def e_p_paths(
         for axes, y in ((left, run["void_ratio"].values), (right, q)):
             axes.plot(p, y, linestyle=style, color=color, lw=1.2)
             axes.plot(p[-1], y[-1], "o", color=color, ms=5)
-    left.set(xlabel=P.label, ylabel=coordinates.VOID_RATIO.label, xlim=(0, None))
-    right.set(xlabel=P.label, ylabel=deviator.common_label(runs.values()), xlim=(0, None))
+    left.set(xlabel=P.common_label(runs.values()), ylabel=coordinates.VOID_RATIO.label, xlim=(0, None))
+    right.set(xlabel=P.common_label(runs.values()), ylabel=deviator.common_label(runs.values()), xlim=(0, None))
     lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=5, label="end of the test")]
     if all(run.lab.scene.of_the_paper for run in runs.values()):

@@ -1,6 +1,6 @@
 """Plug-ins: packages that no room of labkit needs. Each registers what it adds, and may be deleted.
 
-The module `plugin` of such a package offers engines, commands and constitutive laws to the same registries as a user's
+The module `plugin` of such a package offers engines, commands and figures to the same registries as a user's
 file or an installed package. The module imports no library, because it is loaded whenever the commands are listed.
 """
 

@@ -1,7 +1,8 @@
 """Undrained loading and liquefaction, from the records of a run.
 
-An undrained test keeps the volume of the cell constant and has no pore water: its stress is the effective stress.
-The excess pore pressure is u = sigma_total - sigma', where one component of the total stress is assumed constant.
+The stress of an undrained test is the effective stress: the volume of the cell is constant, or changes with the
+pressure of compressible pore water. The excess pore pressure is u = sigma_total - sigma', where one component of the
+total stress is assumed constant.
 r_u = u/sigma'_0 reaches 1 when this component of the effective stress vanishes. Initial liquefaction is reached when
 r_u first exceeds 0.95, or when the double amplitude of the strain reaches 5 %.
 """

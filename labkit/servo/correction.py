@@ -15,7 +15,7 @@ the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M. This is stab
 to 13.9 the roots have the modulus sqrt(0.75), so an error falls to a tenth within 16 corrections for any stiffness
 in this range. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 is a factor of seven below
 the stability limit, which allows for the grain dynamics that this analysis neglects, and leads to a lag of 0.2 kPa at a
-rate of 10 1/s and T = 5 time steps. `labkit speed-error` measures other gains and intervals.
+rate of 10 1/s and T = 5 time steps. `./lab speed-error` measures other gains and intervals.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tasks: specimens, consolidations, rests and runs as values that any engine can execute.
+"""Tasks: specimens, consolidations and runs as values that any engine can execute.
 
 Python, the command line and campaigns construct the same tasks. A task checks itself when it is constructed, and says
 what it warns of, so that all three refuse and warn alike.

@@ -1,4 +1,4 @@
-"""The plug-in exchange: registers the commands import, export and statistics."""
+"""The plug-in exchange: registers the commands import, paraview, export and statistics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plug-in laboratory_data: registers the commands measured, misfit and calibrate-grains."""
+"""The plug-in laboratory_data: registers the commands measured, misfit, calibrate-grains and predict."""
 
 from __future__ import annotations
 

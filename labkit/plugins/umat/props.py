@@ -11,7 +11,7 @@ from labkit.model.parameters import Model, Parameters
 
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
-READINGS = ("strain_rate", "force_rate", "compression", "beyond_e_cmax")  # names of the first flags of Constants
+FLAGS = ("strain_rate", "force_rate", "compression", "beyond_e_cmax")  # names of the first flags of Constants
 TOLERANCE = 1e-4  # tolerance of a substep, the default of labkit.plugins.umat.material_point.update
 
 
@@ -61,7 +61,7 @@ def properties(
     return {
         "E": model.young_modulus / stress_unit,
         **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},
-        **dict(zip(READINGS, flags.values(), strict=True)),
+        **dict(zip(FLAGS, flags.values(), strict=True)),
         "tolerance": tolerance,
         "initial_void_ratio": start.void_ratio,
         "initial_pressure": start.pressure / stress_unit,
