@@ -10,7 +10,7 @@ starts       strains, stresses and pore pressures that count from elsewhere
 comparing    scatter between tests, and the misfit of a run relative to it
 sampling     repeats measured tests on grains with different parameters, one sample after another
 posterior    distribution of the parameters, given samples and measurements
-sheet        a test predicted from a posterior, with intervals, as a PDF and as AGS4
+sheet        a test predicted from a posterior, with intervals, as a PDF; ags4 writes it as AGS4
 """
 
 from typing import TYPE_CHECKING

@@ -15,6 +15,7 @@ from labkit.files.writable import require_writable, stem
 from labkit.grains.scene import Scene
 from labkit.parameters import parameters_of
 from labkit.paths.path import Path
+from labkit.plugins.laboratory_data.ags4 import require_ags4, write_ags4
 from labkit.plugins.laboratory_data.comparing import CURVES, misfit
 from labkit.plugins.laboratory_data.layout import Separator
 from labkit.plugins.laboratory_data.posterior import calibrate_grains, posterior_of
@@ -29,7 +30,7 @@ from labkit.plugins.laboratory_data.reading import (
     write_measured,
 )
 from labkit.plugins.laboratory_data.sampling import GrainTests, read_samples
-from labkit.plugins.laboratory_data.sheet import predict_test, require_ags4, write_ags4, write_pdf
+from labkit.plugins.laboratory_data.sheet import predict_test, write_pdf
 from labkit.results.run import Run
 
 Scatter = Annotated[
@@ -115,18 +116,14 @@ def _test(path: str, loading: Texts) -> Path:
 
 def _column(name: str, text: str) -> Column:
     """Return header, unit and sign; the header may contain colons."""
-    if name in UNSIGNED and text.count(":") >= 1:
-        if text.rpartition(":")[2] in SIGNS:
-            allowed = f"{name}={text.rpartition(':')[0]}"
-            raise InputError("takes no sign", field="column", value=f"{name}={text}", allowed=allowed)
-        header, unit = text.rsplit(":", 1)
-        return header, unit or None
-    if name not in UNSIGNED and text.count(":") >= 2:
-        header, unit, sign = text.rsplit(":", 2)
-        return header, unit or None, sign
-    pattern = "HEADER:UNIT" if name in UNSIGNED else "HEADER:UNIT:SIGN"
-    example = "pore_pressure=u:kPa" if name in UNSIGNED else "axial_strain=eps1:%:compression"
-    raise InputError(field="column", value=f"{name}={text}", allowed=f"QUANTITY={pattern}, e.g. {example}")
+    signed = name not in UNSIGNED
+    header, *others = text.rsplit(":", 2 if signed or text.rpartition(":")[2] in SIGNS else 1)
+    if len(others) < 1 + signed:
+        pattern = "HEADER:UNIT:SIGN" if signed else "HEADER:UNIT"
+        example = "axial_strain=eps1:%:compression" if signed else "pore_pressure=u:kPa"
+        raise InputError(field="column", value=f"{name}={text}", allowed=f"QUANTITY={pattern}, e.g. {example}")
+    unit, *sign = others
+    return header, unit or None, *sign
 
 
 def _pairs(texts: Sequence[str], field: str) -> dict[str, str]:

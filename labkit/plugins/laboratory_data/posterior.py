@@ -28,6 +28,7 @@ from labkit.errors import InputError
 from labkit.parameters import Parameter
 from labkit.plugins.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 from labkit.process.blas import one_blas_thread
+from labkit.process.extras import require_library
 from labkit.process.interruption import only_writer
 from labkit.simulation.api import progress_function
 
@@ -140,11 +141,11 @@ def posterior_of(tests: GrainTests, samples: Iterable[Sample], seed: int = 1) ->
     samples = list(samples)
     successes = [sample for sample in samples if sample.points is not None]
     if len(successes) < LEAST_SUCCESSES:
-        reasons = (
-            "; ".join(dict.fromkeys(sample.failure for sample in samples if sample.failure)) or "give more samples"
+        reasons = "; ".join(
+            dict.fromkeys(sample.failure for sample in samples if sample.failure) or ["give more samples"]
         )
         raise InputError(f"only {len(successes)} of {len(samples)} samples succeeded: choose other ranges ({reasons})")
-    logarithm = _Likelihood(tests, samples, successes)
+    logarithm = _Likelihood(tests, samples)
     size, random = len(tests.free) + 1, np.random.default_rng(seed)
     start = random.uniform(size=(WALKERS, size))
     start = start[np.argsort(logarithm(start))[-WALKERS // 2 :]].repeat(2, axis=0) * 0.98 + 0.02 * start
@@ -160,27 +161,27 @@ def posterior_of(tests: GrainTests, samples: Iterable[Sample], seed: int = 1) ->
 class _Likelihood:
     """Logarithm of the likelihood of the measured points in the unit cube; the last coordinate scales log s."""
 
-    def __init__(self, tests: GrainTests, samples: Sequence[Sample], successes: Sequence[Sample]) -> None:
+    def __init__(self, tests: GrainTests, samples: Sequence[Sample]) -> None:
         """Fit a Gaussian process to each principal component of the points of the samples."""
         low, high = np.array([*tests.free.values()]).T
-        where = [
-            (np.array([sample.parameters[name] for name in tests.free]) - low) / (high - low) for sample in samples
-        ]
+        where = (np.array([[sample.parameters[name] for name in tests.free] for sample in samples]) - low) / (
+            high - low
+        )
+        succeeded = np.array([sample.points is not None for sample in samples])
         self.covariance = tests.deviations
         self.scale = np.sqrt(np.diag(self.covariance))
-        x = np.array([w for w, sample in zip(where, samples, strict=True) if sample.points is not None])
-        points = np.array([sample.points for sample in successes]) / self.scale
+        points = np.array([sample.points for sample in samples if sample.points is not None]) / self.scale
         self.mean = points.mean(axis=0)
         left, strength, right = np.linalg.svd(points - self.mean, full_matrices=False)
         modes = int(np.searchsorted(np.cumsum(strength**2) / np.sum(strength**2), VARIANCE)) + 1
         self.axes, scores = right[:modes], left[:, :modes] * strength[:modes]
-        grains = np.array([sample.grains for sample in successes])
+        grains = np.array([sample.grains for sample in samples])[succeeded]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
-            self.processes = [_process(x, score, grains.min() / grains) for score in scores.T]
+            self.processes = [_process(where[succeeded], score, grains.min() / grains) for score in scores.T]
         self.measured = tests.points(tests.measured) / self.scale
         self.covariance = self.covariance / np.outer(self.scale, self.scale)
-        self.feasible = _feasibility(np.array(where), np.array([sample.points is not None for sample in samples]))
+        self.feasible = _feasibility(where, succeeded)
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
         """Return the logarithm, (n,), at points of the unit cube, (n, parameters + 1)."""
@@ -226,8 +227,5 @@ def _feasibility(x: np.ndarray, succeeded: np.ndarray):
 
 
 def _require_libraries() -> None:
-    try:
-        import emcee  # noqa: F401
-        import sklearn  # noqa: F401
-    except ImportError as error:
-        raise InputError(f"calibration needs {error.name}: pip install 'labkit[laboratory]'") from None
+    for name in ("sklearn", "emcee"):
+        require_library(name, "calibrations of grains", "laboratory")

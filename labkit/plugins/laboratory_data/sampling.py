@@ -74,12 +74,8 @@ class GrainTests:
         """Covariance (n, n) of the laboratory's scatter: points within a curve are correlated, curves are not."""
         along = np.array(ALONG)
         alike = np.exp(-np.abs(along[:, None] - along) / REACH)
-        blocks = [deviation**2 * alike for _ in self.measured for deviation in self.scatter.values()]
-        whole = np.zeros((len(along) * len(blocks),) * 2)
-        for k, block in enumerate(blocks):
-            part = slice(k * len(along), (k + 1) * len(along))
-            whole[part, part] = block
-        return whole
+        variances = [deviation**2 for _ in self.measured for deviation in self.scatter.values()]
+        return np.kron(np.diag(variances), alike)
 
     def points(self, runs: Mapping[str, Run]) -> np.ndarray:
         """Return the points of all curves, (n,); `runs`: name of a test -> its run. Raises PhysicsError."""
@@ -95,38 +91,29 @@ class GrainTests:
 
     def repeat(self, parameters: Mapping[str, float], grains: int, seed: int) -> dict[str, Run]:
         """Repeat every test on grains with these parameters. Raises PhysicsError if a specimen or test fails."""
-        tests = {name: (_path(test), float(test.data["void_ratio"][0])) for name, test in self.measured.items()}
-        return self._test(parameters, tests, {n: _pressure(t) for n, t in self.measured.items()}, grains, seed)
+        tests = {n: (_path(t), float(t.data["void_ratio"][0]), _pressure(t)) for n, t in self.measured.items()}
+        return self._test(parameters, tests, grains, seed)
 
     def test(self, parameters: Mapping[str, float], path: Path, void_ratio: float, grains: int, seed: int) -> Run:
         """Carry out a test that was not measured, at a void ratio of the sand. Raises InputError or PhysicsError."""
         pressure = getattr(path, "pressure", None)
         if pressure is None:
             raise InputError("is missing", field="pressure", allowed="that of the test")
-        return self._test(parameters, {"test": (path, void_ratio)}, {"test": pressure}, grains, seed)["test"]
+        return self._test(parameters, {"test": (path, void_ratio, pressure)}, grains, seed)["test"]
 
     def _test(
-        self,
-        parameters: Mapping[str, float],
-        tests: Mapping[str, tuple[Path, float]],
-        pressures: Mapping[str, float],
-        grains: int,
-        seed: int,
+        self, parameters: Mapping[str, float], tests: Mapping[str, tuple[Path, float, float]], grains: int, seed: int
     ) -> dict[str, Run]:
-        """Carry out tests, name -> path and void ratio, at pressures. Raises PhysicsError if one of them fails."""
+        """Carry out tests, name -> path, void ratio and pressure. Raises PhysicsError if one of them fails."""
         scene = self.grains(parameters)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LabkitWarning)  # the warning does not apply: small specimens are intended
             pressure = min(map(_pressure, self.measured.values()))
             limits = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
-            outcomes = run_many(
-                [
-                    (_specimen(scene, self._share(e, limits), pressures[name], grains, seed), path)
-                    for name, (path, e) in tests.items()
-                ],
-                progress=False,
-                snapshots=2,
-            )
+            pairs = [
+                (_specimen(scene, self._share(e, limits), at, grains, seed), path) for path, e, at in tests.values()
+            ]
+            outcomes = run_many(pairs, progress=False, snapshots=2)
         runs = {}
         for name, outcome in zip(tests, outcomes, strict=True):
             if outcome.run is None or outcome.failure:

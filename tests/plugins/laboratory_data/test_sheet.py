@@ -9,8 +9,9 @@ from scipy.stats import t as student
 import labkit as lk
 from labkit.cli import main
 from labkit.errors import InputError
+from labkit.plugins.laboratory_data.ags4 import write_ags4
 from labkit.plugins.laboratory_data.sampling import append_sample
-from labkit.plugins.laboratory_data.sheet import Prediction, write_ags4, write_pdf
+from labkit.plugins.laboratory_data.sheet import Prediction, write_pdf
 from tests.plugins.laboratory_data.test_calibrating import FREE, SCATTER, curves, imagined_samples, measured_test
 
 PATH = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.1)
