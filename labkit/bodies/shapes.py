@@ -135,14 +135,25 @@ def _properties(centers: tuple[tuple[float, ...], ...], radii: tuple[float, ...]
     x, r = np.array(centers), np.array(radii)
     if len(r) == 1:
         return Properties(np.zeros((1, 3)), np.ones(1), np.full(3, 8.0 / 15.0 * np.pi))
-    volume, first, second = moments(x, r)
+    volume, center, moment, axes = principal_moments(x, r)
+    scale = np.cbrt(4.0 / 3.0 * np.pi / volume)
+    return Properties(scale * (x - center) @ axes, scale * r, 4.0 / 3.0 * np.pi * scale**2 * moment)
+
+
+def principal_moments(
+    centers: np.ndarray, radii: np.ndarray, columns: int = COLUMNS
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the volume of a union of spheres, its centre (3,), and its principal moments (3,) over the volume.
+
+    They are followed by their axes as columns, (3, 3), which are right-handed; arguments as for `moments`.
+    """
+    volume, first, second = moments(centers, radii, columns)
     center = first / volume
     spread = second / volume - np.outer(center, center)  # second moment of the volume about its centre
     moment, axes = np.linalg.eigh(np.trace(spread) * np.eye(3) - spread)
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] *= -1.0
-    scale = np.cbrt(4.0 / 3.0 * np.pi / volume)
-    return Properties(scale * (x - center) @ axes, scale * r, 4.0 / 3.0 * np.pi * scale**2 * moment)
+    return volume, center, moment, axes
 
 
 def moments(centers: np.ndarray, radii: np.ndarray, columns: int = COLUMNS) -> tuple[float, np.ndarray, np.ndarray]:

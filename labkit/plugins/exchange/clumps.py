@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from labkit.bodies.clumps import Clumps
-from labkit.bodies.shapes import moments
+from labkit.bodies.shapes import principal_moments
 from labkit.micro.cells import widths
 from labkit.plugins.exchange.packing import Packing
 from labkit.plugins.exchange.pairs import overlapping_pairs
@@ -97,6 +97,8 @@ def _connected(
 
 def _bodies(body: np.ndarray, position: np.ndarray, radius: np.ndarray) -> Clumps:
     """Return the clumps, at rest, that spheres form, body (sphere,); volume and inertia count overlaps once."""
+    from scipy.spatial.transform import Rotation
+
     start = np.searchsorted(body, np.arange(body[-1] + 1))
     count, radii = np.diff([*start, len(body)]), radius[start]
     volume = 4.0 / 3.0 * np.pi * radii**3
@@ -107,21 +109,10 @@ def _bodies(body: np.ndarray, position: np.ndarray, radius: np.ndarray) -> Clump
         rows = slice(start[number], start[number] + count[number])
         size = radius[rows].max()
         x = (position[rows] - position[rows][0]) / size
-        full, first, second = moments(x, radius[rows] / size, COLUMNS)
-        middle = first / full
-        spread = second / full - np.outer(middle, middle)
-        moment, axes = np.linalg.eigh(np.trace(spread) * np.eye(3) - spread)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        full, middle, moment, axes = principal_moments(x, radius[rows] / size, COLUMNS)
         volume[number], inertia[number] = full * size**3, full * moment * size**5
         center[number] += size * middle
         arm[rows] = size * (x - middle) @ axes
-        turn[number] = _quaternion(axes)
+        turn[number] = np.roll(Rotation.from_matrix(axes).as_quat(), 1)  # real part first
     still = np.zeros_like(center)
     return Clumps(body, arm, volume, inertia, center, still, turn, still)
-
-
-def _quaternion(axes: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion (4,), real part first, of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(axes).as_quat(), 1)

@@ -12,6 +12,7 @@ import numpy as np
 from labkit.errors import InputError, option_name
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.plugins.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, Packing
+from labkit.text.reading import real
 
 SKIP = "-"
 HEADER_UNIT = re.compile(r" *(?:[\[(]([^\])]*)[\])]|(?:[_/,]|\bin\b) *([\w\u00b5\u03bc]+)) *$")
@@ -62,11 +63,8 @@ class Vocabulary:
 
     def _known(self, name: str) -> str | None:
         plain = BETWEEN.sub("", name).lower()
-        words = (
-            (canonical, [BETWEEN.sub("", canonical), *spellings.split()])
-            for canonical, spellings in self.spellings.items()
-        )
-        return next((canonical for canonical, spellings in words if plain in spellings), None)
+        fits = (key for key, words in self.spellings.items() if plain in (BETWEEN.sub("", key), *words.split()))
+        return next(fits, None)
 
     def columns(
         self, names: Sequence[str] | None, values: np.ndarray, where: object, chosen: float | None = None
@@ -87,14 +85,15 @@ class Vocabulary:
         units: dict[str, float | None] = {}
         for column, name in zip(values.T, names, strict=True):
             canonical, unit = (None, None) if name == SKIP else self._parse(name)
-            if canonical is not None and canonical in columns:
+            if canonical is None:
+                continue
+            if canonical in columns:
                 raise InputError(
                     f"{where} has two columns for {canonical}, {spelled[canonical]} and {name}: skip one (-) in "
                     f"{self.option}"
                 )
-            if canonical is not None:
-                columns[canonical], spelled[canonical] = column, name
-            if canonical is not None and canonical not in WITHOUT_UNIT:
+            columns[canonical], spelled[canonical] = column, name
+            if canonical not in WITHOUT_UNIT:
                 units[canonical] = unit
         self.require(columns, where, names)
         for canonical in self.others.keys() & units.keys():
@@ -258,22 +257,31 @@ def renamed(vocabulary: Vocabulary, text: str | None, arrays: Collection[str], w
 
     Raises InputError for another text, or for an array that is not in the file.
     """
-    pairs = dict(
-        (name.strip(), column.strip()) for name, _, column in (pair.partition("=") for pair in (text or "").split(","))
-    )
-    for name, column in pairs.items() if text else ():
+    words = [pair.partition("=") for pair in text.split(",")] if text else []
+    pairs = {name.strip(): column.strip() for name, _, column in words}
+    for name, column in pairs.items():
         if name not in arrays or (vocabulary.canonical(column) is None and vocabulary.canonical(f"{column}_x") is None):
             allowed = f"ARRAY=COLUMN for arrays of {where}, which are {', '.join(arrays)}"
             raise InputError(field=vocabulary.option.strip("-").replace("-", "_"), value=text, allowed=allowed)
-    return pairs if text else {}
+    return pairs
+
+
+def require_length(rows: Sequence[Sequence[object]], length: int) -> None:
+    """Raise ValueError unless each row has this number of cells."""
+    for number, row in enumerate(rows, 1):
+        if len(row) != length:
+            raise ValueError(f"row {number} has {len(row)} numbers for {length} columns")
 
 
 def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
     """Convert rows of numbers to an array (n, k). Raises ValueError if their lengths differ."""
-    short = next((number for number, row in enumerate(rows, 1) if len(row) != len(rows[0])), None)
-    if short is not None:
-        raise ValueError(f"row {short} has {len(rows[short - 1])} numbers, row 1 has {len(rows[0])}")
+    require_length(rows, len(rows[0]) if rows else 0)
     return np.array(rows)
+
+
+def number_in(word: str, name: str) -> float:
+    """Return the number in a cell of a column of grains, or NaN for a word in a column that is not used."""
+    return np.nan if GRAIN.canonical(name) is None else real(word)
 
 
 def _whole(values: np.ndarray, where: object) -> np.ndarray:

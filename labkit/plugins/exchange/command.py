@@ -69,7 +69,7 @@ class Foreign:
 def list_of_formats(words: Collection[str]) -> str:
     """List the formats that can be read, for the end of the help."""
     formats = {name: FORMATS[name]() for name in FORMATS}
-    readable = {name: each.description for name, each in formats.items() if each.reads or each.reads_contacts}
+    readable = {name: each.description for name, each in formats.items() if each.can("read", "read_contacts")}
     return name_list("format", readable)
 
 
@@ -253,7 +253,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
     writer = format_to_write(file, format)
     require_writable(file)
     frames = 0 if kind == "state" else open_run(run).lab.number_of_snapshots
-    if frames and number is None and writer.writes_frames:
+    if frames and number is None and writer.can("write_frames"):
         states = [read_state(run, snapshot=k, verify=k == 0) for k in range(frames)]
         instant, state = f"{frames} snapshots", states[-1]
         writer.write_frames(states, file)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from labkit.files.atomic import write_text
-from labkit.plugins.exchange.columns import GRAIN, SKIP, grains_from
+from labkit.plugins.exchange.columns import GRAIN, SKIP, grains_from, number_in, require_length
 from labkit.plugins.exchange.formats import Format, damaged_file
 from labkit.plugins.exchange.packing import Answers, Packing, answer_names, frame_number, require_count
 from labkit.text.reading import MOST_COLUMNS, real, text_of, whole
@@ -44,9 +44,8 @@ class ExtendedXyz(Format):
             keys = {key: quoted or plain for key, quoted, plain in KEY.findall(lines[starts[number] + 1])}
             names = answer_names(answers.columns) or _names(keys.get("Properties", "species:S:1:pos:R:3"))
             rows = [line.split() for line in lines[starts[number] + 2 : [*starts[1:], len(lines)][number]]]
-            if wrong := next((row for row in rows if len(row) != len(names)), None):
-                raise ValueError(f"a row has {len(wrong)} cells for {len(names)} columns")
-            values = np.array([[_value(*cell) for cell in zip(row, names, strict=True)] for row in rows])
+            require_length(rows, len(names))
+            values = np.array([[number_in(*cell) for cell in zip(row, names, strict=True)] for row in rows])
             cell, origin = _numbers(keys, "Lattice", 9), _numbers(keys, "Origin", 3)
             at = {"time": real(keys["Time"])} if "Time" in keys else {}
             columns, _ = GRAIN.columns(names, values.reshape(len(rows), len(names)), file)
@@ -96,11 +95,6 @@ def _names(properties: str) -> list[str]:
         axes = ("x", "y", "z") if name.lower() in ("pos", "position") else (SKIP,) * whole(count)
         names += [name] if count == "1" else axes
     return names
-
-
-def _value(word: str, name: str) -> float:
-    """Return the number in a cell, or NaN in a column that is not used."""
-    return np.nan if GRAIN.canonical(name) is None else real(word)
 
 
 def _frame(state: State) -> str:

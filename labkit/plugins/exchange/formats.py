@@ -67,25 +67,9 @@ class Format:
         """Write several States one after another, in a format that has trajectories."""
         raise InputError(f"{file}: labkit does not write {self.name} files")
 
-    @property
-    def reads(self) -> bool:
-        """True if labkit reads grains from files of this format."""
-        return type(self).read is not Format.read
-
-    @property
-    def reads_contacts(self) -> bool:
-        """True if labkit reads lists of contacts from files of this format."""
-        return type(self).read_contacts is not Format.read_contacts
-
-    @property
-    def writes(self) -> bool:
-        """True if labkit writes files of this format."""
-        return type(self).write is not Format.write or self.writes_frames
-
-    @property
-    def writes_frames(self) -> bool:
-        """True if labkit writes trajectories in this format."""
-        return type(self).write_frames is not Format.write_frames
+    def can(self, *methods: str) -> bool:
+        """Return True if labkit can do one of these with files of this format, e.g. `read` or `write_frames`."""
+        return any(getattr(type(self), method) is not getattr(Format, method) for method in methods)
 
 
 Kind = TypeVar("Kind", bound=Format)
@@ -155,7 +139,7 @@ def _no_table(file: Path) -> str:
 
 def writers() -> dict[str, Format]:
     """Return the formats that can be written, name -> format."""
-    return {name: writer for name in FORMATS if (writer := FORMATS[name]()).writes}
+    return {name: writer for name in FORMATS if (writer := FORMATS[name]()).can("write", "write_frames")}
 
 
 def format_to_write(file: Path, name: str | None) -> Format:

@@ -77,7 +77,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
     about = Answers(**answers)
     path = Path(file)
     reader = format_of(path, format)
-    if not reader.reads:
+    if not reader.can("read"):
         raise InputError(
             f"{path} is a {reader.name} file without grains: give a file of grains, and this with --contacts"
         )
@@ -99,8 +99,8 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
 def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
     """Return the packing with contacts read from a second file."""
     reader = format_of(file)
-    if not reader.reads_contacts:
-        names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
+    if not reader.can("read_contacts"):
+        names = ", ".join(name for name in FORMATS if FORMATS[name]().can("read_contacts"))
         raise InputError(f"{file} is a {reader.name} file without a contact list: give a file of {names}")
     contacts = reader.read_contacts(file, answers)
     return dataclasses.replace(packing, contacts=contacts)

@@ -13,7 +13,15 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.files.atomic import write_text
 from labkit.grains.state import State
-from labkit.plugins.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, same_length
+from labkit.plugins.exchange.columns import (
+    CONTACT,
+    GRAIN,
+    contacts_from,
+    grains_from,
+    number_in,
+    require_length,
+    same_length,
+)
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.plugins.exchange.formats import Format, damaged_file
 from labkit.plugins.exchange.packing import (
@@ -87,7 +95,7 @@ class LammpsData(Format):
                 f"{file} has {what}: name the {example} with --columns, e.g. id,-,diameter,-,x,y,z, where - skips one"
             )
         try:
-            values = same_length([[_number(*cell) for cell in zip(row, names, strict=False)] for row in rows])
+            values = same_length([[number_in(*cell) for cell in zip(row, names, strict=False)] for row in rows])
             cell, origin = _cell_of_data(text)
         except ValueError as error:
             raise damaged_file(file, error) from None
@@ -124,11 +132,6 @@ class LammpsData(Format):
         rows = np.column_stack([velocity, spin]).tolist()
         lines += [f"{number} {' '.join(map(repr, row))}" for number, row in enumerate(rows, 1)]
         write_text(file, "\n".join(lines) + "\n")
-
-
-def _number(word: str, name: str) -> float:
-    """Return the number in a table cell, or NaN for a word in a column that is not used, such as a type label."""
-    return np.nan if GRAIN.canonical(name) is None and not is_real(word) else real(word)
 
 
 def _may_be_spheres(rows: list[list[str]]) -> bool:
@@ -291,8 +294,7 @@ def _parse(lines: list[str], units: str | None, file: Path) -> Frame:
         cell, origin = _cell_of_dump(bounds, same_length([[real(word) for word in line.split()] for line in box[:3]]))
     require_count(file, count, len(rows), "atoms" if of_atoms else "entries")
     words = [line.split() for line in rows]
-    if wrong := next((k for k, row in enumerate(words, 1) if len(row) != len(names)), None):
-        raise ValueError(f"row {wrong} has {len(words[wrong - 1])} numbers for {len(names)} columns")
+    require_length(words, len(names))
     used = [k for k in range(len(names)) if not words or is_real(words[0][k])]
     values = np.array([[real(row[k]) for k in used] for row in words]).reshape(count, len(used))
     flags = [word for word in bounds if len(word) == 2 and set(word) <= set("pfsm")]

@@ -39,17 +39,12 @@ class NumpyArrays(Format):
     def read(self, file: Path, answers: Answers) -> Packing:
         arrays = _arrays(file)
         columns = _columns(GRAIN, arrays, answers.columns, file, BARE)
-        contacts = (
-            self.read_contacts(file, answers) if answers.contact_columns or _lists_contacts(arrays, file) else None
-        )
+        listed = answers.contact_columns or "id1" in CONTACT.arrays(arrays, file)
+        contacts = self.read_contacts(file, answers) if listed else None
         return dataclasses.replace(grains_from(columns, file), cell=arrays.get("cell"), contacts=contacts)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
         return contacts_from(_columns(CONTACT, _arrays(file), answers.contact_columns, file), file)
-
-
-def _lists_contacts(arrays: dict[str, np.ndarray], file: Path) -> bool:
-    return "id1" in CONTACT.arrays(arrays, file)
 
 
 def _columns(

@@ -9,7 +9,7 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.files.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, RECORD, STATE
+from labkit.files.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, RECORD, STATE, Variable
 from labkit.micro.fabric import statistics, statistics_by_volume
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import relative_error
@@ -79,28 +79,22 @@ def as_text(quantities: Quantities) -> str:
 
 def grain_table(snapshot: Snapshot) -> pandas.DataFrame:
     """Tabulate grains: position, radius, number of contacts, velocity if known; columns have units: `radius [m]`."""
-    columns = {"position": snapshot.position, "velocity": snapshot.velocity, "radius": snapshot.radius}
-    variables = {
-        name: xarray.DataArray(values, dims=STATE[name].dimensions, attrs={"units": STATE[name].units})
-        for name, values in columns.items()
-        if values is not None
-    }
-    count = contacts_per_grain(snapshot)
-    variables["contacts"] = xarray.DataArray(count, dims="grain", attrs={"units": RECORD["coordination_number"].units})
-    frame = table(variables, units=True)
+    columns = {name: getattr(snapshot, name) for name in ("position", "velocity", "radius")}
+    frame = _table({name: values for name, values in columns.items() if values is not None}, STATE)
     frame.insert(0, "grain", range(len(frame)))
-    return frame
+    return frame.assign(contacts=contacts_per_grain(snapshot))
 
 
 def contact_table(snapshot: Snapshot) -> pandas.DataFrame:
     """Tabulate contacts as `run.lab.contacts_table` does; grains are numbered from 0."""
-    names = {"contact_grain": "grain"} | {
-        name: name for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
-    }
+    names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+    return _table({name: getattr(snapshot.contacts, name.removeprefix("contact_")) for name in names}, CONTACTS)
+
+
+def _table(columns: Mapping[str, np.ndarray], described: Mapping[str, Variable]) -> pandas.DataFrame:
+    """Tabulate columns with their dimensions and units; `described`: name -> Variable."""
     variables = {
-        name: xarray.DataArray(
-            getattr(snapshot.contacts, field), dims=CONTACTS[name].dimensions, attrs={"units": CONTACTS[name].units}
-        )
-        for name, field in names.items()
+        name: xarray.DataArray(values, dims=described[name].dimensions, attrs={"units": described[name].units})
+        for name, values in columns.items()
     }
     return table(variables, units=True)
