@@ -8,10 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from labkit.figures.frame import colors_for, gray_lines, new_panels, plain
+from labkit.plugins.calibration.fitting import p_and_ratio
 from labkit.plugins.calibration.observation import Observation
-from labkit.sff.c0 import strength_shares
 
-AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric tensor of a triaxial test, divided by its zz component
 STATISTICS = ("Z", "$\\Lambda$", "$A_{zz}$", "$F_{zz}$", "$F^t_{zz}$")
 FREE = "the fit also chooses the initial values of the model (circles), which differ from those of the run"
 
@@ -31,7 +30,7 @@ def draw_fit(observations: Sequence[Observation], predicted: Mapping[str, np.nda
         steps = np.linalg.norm(o.strain_step, axis=1)
         accumulated = 100 * np.concatenate([[0.0], np.cumsum(steps)])
         for values, style, width, name in ((o.values, "-", 1.0, plain(o.name)), (predicted[o.name], ":", 1.8, None)):
-            for axes, column in zip(panels, [*values.T, _stress_ratio(values)], strict=True):
+            for axes, column in zip(panels, [*values.T, p_and_ratio(o, values)[1]], strict=True):
                 axes.plot(accumulated, column, style, color=color, lw=width, label=name)
                 if name is None:
                     axes.plot(accumulated[:1], column[:1], "o", color=color, mfc="none", ms=5, clip_on=False)
@@ -40,9 +39,3 @@ def draw_fit(observations: Sequence[Observation], predicted: Mapping[str, np.nda
     handles = panels[0].get_legend_handles_labels()[0] + gray_lines({"run": "-", "model": ":"})
     figure.key(6, handles, title=FREE)
     return figure
-
-
-def _stress_ratio(values: np.ndarray) -> np.ndarray:
-    """Return q/p from C0 for the statistics (n, 5) of triaxial tests."""
-    A, F, Ft = (values[:, k, None, None] * AXIAL for k in (2, 3, 4))
-    return np.sum(list(strength_shares(A, F, Ft).values()), axis=0)

@@ -29,7 +29,7 @@ from labkit.model.parameters import TABLE_2, Model, Parameters
 from labkit.parameters import Values
 from labkit.paths.registry import PATHS
 from labkit.plugins.calibration.observation import Observation, observe, require_usable
-from labkit.plugins.calibration.residuals import NATURAL, Residuals, is_exponent, parameter_value
+from labkit.plugins.calibration.residuals import AXIS, NATURAL, Residuals, is_exponent, parameter_value
 from labkit.results.critical import ENOUGH_STRAIN, at_end, is_shear
 from labkit.results.dataset import datasets_of
 from labkit.sff.c0 import c0_stress
@@ -234,7 +234,7 @@ def _judge(problem: Residuals, solved: Any, x: np.ndarray, weight: np.ndarray, u
         warnings.append(f"the fit stopped before it converged ({solved.message})")
     rms = pandas.DataFrame(problem.misfit(x), columns=SHORT)
     predicted = {o.name: problem.predictions(x, k) for k, o in enumerate(problem.observations)}
-    both = [(_p_and_ratio(o, o.values), _p_and_ratio(o, predicted[o.name])) for o in problem.observations]
+    both = [(p_and_ratio(o, o.values), p_and_ratio(o, predicted[o.name])) for o in problem.observations]
     rms["p"] = [float(np.sqrt(np.mean((fitted[0] / p - 1.0) ** 2))) for (p, _), fitted in both]
     rms["q/p"] = [float(np.sqrt(np.mean((fitted[1] - ratio) ** 2))) for (_, ratio), fitted in both]
     rms.insert(0, "run", [o.name for o in problem.observations])
@@ -243,9 +243,9 @@ def _judge(problem: Residuals, solved: Any, x: np.ndarray, weight: np.ndarray, u
     return Fit(fitted, table, correlation, rms, warnings, predicted)
 
 
-def _p_and_ratio(observation: Observation, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def p_and_ratio(observation: Observation, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return p/E and q/p of C0 at each record, (n,), for the statistics `values` (n, 5)."""
-    A, F, Ft = (values[:, k, None, None] * np.diag([-0.5, -0.5, 1.0]) for k in (2, 3, 4))
+    A, F, Ft = (values[:, k, None, None] * AXIS for k in (2, 3, 4))
     stress = c0_stress(1.0, values[:, 0], values[:, 1], observation.e, A, F, Ft)
     return mean_stress(stress), deviatoric_stress(stress) / mean_stress(stress)
 

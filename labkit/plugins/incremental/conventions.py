@@ -51,7 +51,5 @@ def components(tensors: np.ndarray, shear: float = 1.0) -> np.ndarray:
 def rotate(matrix: np.ndarray) -> np.ndarray:
     """Rotate a matrix (3, 3) from the driver's axes to labkit's, without a change of sign."""
     result = np.empty((3, 3))
-    for a in range(3):
-        for b in range(3):
-            result[AXES[a], AXES[b]] = matrix[a, b]
+    result[np.ix_(AXES, AXES)] = matrix
     return result

@@ -16,7 +16,7 @@ from labkit.errors import InputError, nearest
 from labkit.paths.mixed_step import MixedStep, components_of
 from labkit.paths.variables import mixed_step
 from labkit.plugins.incremental import exit_condition, restrictions
-from labkit.plugins.incremental.conventions import STRESS_UNITS, SYSTEMS, rotate, system
+from labkit.plugins.incremental.conventions import STRESS_UNITS, SYSTEMS, rotate, system, tensor
 from labkit.plugins.incremental.source import MOST_COLUMNS, Line, Source, imported_rows, shorten, split_words
 
 MOST_INCREMENTS = 10_000_000
@@ -256,9 +256,9 @@ def _restriction(reader: StepReader, common: StepHead) -> MixedStep:
         raise InputError("the restrictions on strains contradict or repeat one another: give independent ones")
     solution, basis = solved
     return MixedStep(
-        strain=tuple(restrictions.strain_tensors(solution).ravel()),
-        free=components_of(restrictions.strain_tensors(basis)),
-        measured=components_of(restrictions.stress_measures(mt[~strains])),
+        strain=tuple(tensor(solution, shear=0.5).ravel()),
+        free=components_of(tensor(basis, shear=0.5)),
+        measured=components_of(-tensor(mt[~strains], shear=0.5)),  # M with M : sigma = -(mt . T)
         stress=tuple(-m[~strains] * reader.pascals),
         durations=(common.duration,),
         until=common.until,

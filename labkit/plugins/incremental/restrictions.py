@@ -9,12 +9,10 @@ solution is prescribed, and the servo adds only strain rates that keep these equ
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.plugins.incremental.conventions import tensor
 from labkit.plugins.incremental.source import REAL, Line, Source, shorten, signed_terms
 
 _TERM = re.compile(rf"\s*+([+-]?)\s*+(?:({REAL.pattern})\s*+\*\s*+)?([se])d([1-6])\s*")
@@ -79,13 +77,3 @@ def solve(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None
         basis[k, column] = 1.0
         basis[k, pivots] = -rows[:, column]
     return solution, basis
-
-
-def strain_tensors(strains: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """Convert the driver's strain components (..., 6) to labkit's strain tensors (..., 3, 3)."""
-    return tensor(np.asarray(strains), shear=0.5)
-
-
-def stress_measures(rows: np.ndarray) -> np.ndarray:
-    """Return tensors M (k, 3, 3) with M : sigma = -(rows . T), for equations (k, 6) in the driver's stresses T."""
-    return -tensor(rows, shear=0.5)

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.text.foreign import require_regular
 from labkit.text.reading import text_of
 from labkit.units import DECIMAL
 
@@ -74,7 +73,9 @@ class Source:
     def __init__(self, file: Path) -> None:
         """Read the whole file. Raises InputError if it is not a text file."""
         self.file = file
-        self.raw = _text(file).splitlines()
+        if file.is_file() and file.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{file} is larger than {LARGEST_FILE // 1_000_000} MB: {INSTEAD}")
+        self.raw = text_of(file, INSTEAD).splitlines()
         self._at = 0  # number of lines read so far
 
     @property
@@ -123,19 +124,6 @@ class Source:
         """Read the whole number at the start of the next line of data. Raises InputError."""
         line = self.data(what)
         return line.whole(line.first, low, high, what)
-
-
-def _text(file: Path) -> str:
-    """Return the text of a file. Raises InputError if the file cannot be read or is not text."""
-    require_regular(file, INSTEAD)
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{file} is larger than {LARGEST_FILE // 1_000_000} MB: {INSTEAD}")
-    except OSError as error:
-        raise InputError(f"{file} cannot be read ({error.strerror}): {INSTEAD}") from None
-    except ValueError:  # the name contains a null character
-        raise InputError(f"{str(file)!r} is not a file name: {INSTEAD}") from None
-    return text_of(file, INSTEAD)
 
 
 def without_comment(text: str) -> str:

@@ -10,23 +10,16 @@ from labkit.cli.arguments import Instance, Option
 from labkit.cli.model import Beyond, ModelParameters
 from labkit.cli.registry import command
 from labkit.errors import InputError
-from labkit.parameters import check_parameters, parameter
+from labkit.parameters import parameter
+from labkit.plugins.umat.props import TOLERANCE, PointStart, properties
 from labkit.units import UNITS
 
 
 @dataclasses.dataclass(frozen=True)
-class PointOptions:
+class PointOptions(PointStart):
     """Initial state of points for which the finite-element program specifies none, and the tolerance."""
 
-    void_ratio: float | None = parameter(None, above=0.0, help="initial void ratio of points without a state")
-    pressure: float | None = parameter(
-        None, unit="Pa", above=0.0, help="initial isotropic pressure of points without an initial stress"
-    )
-    tolerance: float = parameter(1e-4, low=1e-12, high=1.0, help="relative error allowed in one substep")
-
-    def __post_init__(self) -> None:
-        """Check every parameter. Raises InputError."""
-        check_parameters(self)
+    tolerance: float = parameter(TOLERANCE, low=1e-12, high=1.0, help="relative error allowed in one substep")
 
 
 @command("umat")
@@ -56,13 +49,11 @@ def umat_command(
     from labkit.model.run_file import read_model
     from labkit.plugins.umat import library
     from labkit.plugins.umat.library import write
-    from labkit.plugins.umat.props import PointStart, properties
 
     model = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax)
     if point.void_ratio is not None:
         model.require_density(point.void_ratio)
-    start = PointStart(point.void_ratio or 0.0, point.pressure or 0.0)
-    props = properties(model, start, point.tolerance, UNITS["Pa"][stress_unit])
+    props = properties(model, point, point.tolerance, UNITS["Pa"][stress_unit])
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)

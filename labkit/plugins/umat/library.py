@@ -15,7 +15,7 @@ from labkit.files.atomic import whole_file, write_text
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
 from labkit.plugins.umat.fortran import equations
-from labkit.plugins.umat.material_point import Update
+from labkit.plugins.umat.material_point import Update, points
 from labkit.plugins.umat.props import STATE_NAMES, TOLERANCE, PointStart, properties
 
 FOLDER = Path(__file__).parent
@@ -92,9 +92,7 @@ class Library:
             increment: Strain increment, (n, 6).
             tangent: True to compute the tangent.
         """
-        new, increment = np.array(state, dtype=float, order="C"), np.ascontiguousarray(increment, dtype=float)
-        if new.ndim != 2 or new.shape[1] != STATE or increment.shape != (len(new), 6):
-            raise InputError(f"state {new.shape} and increment {increment.shape} must be (n, {STATE}) and (n, 6)")
+        new, increment = points(state, increment)
         n = len(new)
         stress, tangents = np.empty((n, 6)), np.empty((n if tangent else 0, 6, 6))
         status, substeps = np.empty(n, np.intc), np.empty(n, np.intc)

@@ -63,6 +63,14 @@ def states(state: ModelState, number: int) -> np.ndarray:
     return np.tile(state.vector()[:STATE], (number, 1))
 
 
+def points(state: np.ndarray, increment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a copy of the states (n, 21), and the strain increments (n, 6). Raises InputError for other shapes."""
+    new, increment = np.array(state, dtype=float, order="C"), np.ascontiguousarray(increment, dtype=float)
+    if new.ndim != 2 or new.shape[1] != STATE or increment.shape != (len(new), 6):
+        raise InputError(f"state {new.shape} and increment {increment.shape} must be (n, {STATE}) and (n, 6)")
+    return new, increment
+
+
 def update(
     model: Model, state: np.ndarray, increment: np.ndarray, tangent: bool = True, tolerance: float = 1e-4
 ) -> Update:
@@ -80,18 +88,13 @@ def update(
         tangent: True to compute the tangent.
         tolerance: Relative error of a substep.
     """
-    state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
-    if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
-        raise InputError(
-            f"state has shape {state.shape} and increment has shape {increment.shape}: they must be (n, {STATE}) and "
-            "(n, 6)"
-        )
+    new, increment = points(state, increment)
     if not np.isfinite(increment).all():
         raise InputError("the strain increment has a component that is not finite: give finite strains")
     if not 1e-12 <= tolerance <= 1.0:
         raise InputError(f"tolerance {tolerance:g} is not valid: give a number from 1e-12 to 1")
-    n = len(state)
-    new, stress = state.copy(), np.empty((n, 6))
+    n = len(new)
+    stress = np.empty((n, 6))
     tangents = np.empty((n, 6, 6)) if tangent else np.empty((0, 6, 6))
     counts, work = np.empty((2, n)), np.empty((WORK, STATE))
     table = Pointers([new, increment, model.numbers, stress, tangents, counts, work])

@@ -8,6 +8,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.model.parameters import Model, Parameters
+from labkit.parameters import Number, check_parameters, parameter
 
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
@@ -17,20 +18,19 @@ TOLERANCE = 1e-4  # tolerance of a substep, the default of labkit.plugins.umat.m
 
 @dataclasses.dataclass(frozen=True)
 class PointStart:
-    """Initial state of points for which the finite-element program specifies none: void ratio and pressure, Pa.
+    """Initial state of points for which the finite-element program specifies none; None if it is not given.
 
-    Zero means `not given`. If the program specifies an initial stress, this stress replaces the pressure.
+    If the program specifies an initial stress, this stress replaces the pressure.
     """
 
-    void_ratio: float = 0.0
-    pressure: float = 0.0
+    void_ratio: Number[float | None] = parameter(None, above=0.0, help="initial void ratio of points without a state")
+    pressure: Number[float | None] = parameter(
+        None, unit="Pa", above=0.0, help="initial isotropic pressure of points without an initial stress"
+    )
 
     def __post_init__(self) -> None:
-        """Raise InputError for a value that is negative or not finite."""
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(field=field.name, value=value, allowed="0 (not given) or a positive number")
+        """Check every parameter. Raises InputError."""
+        check_parameters(self)
 
 
 def properties(
@@ -63,7 +63,7 @@ def properties(
         **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},
         **dict(zip(FLAGS, flags.values(), strict=True)),
         "tolerance": tolerance,
-        "initial_void_ratio": start.void_ratio,
-        "initial_pressure": start.pressure / stress_unit,
+        "initial_void_ratio": start.void_ratio or 0.0,
+        "initial_pressure": (start.pressure or 0.0) / stress_unit,
         **(optional if any(optional.values()) else {}),
     }
