@@ -52,8 +52,7 @@ def numbers(run: xr.Dataset) -> Numbers:
     p = run.lab.mean_stress().values
     strain, aim = run.lab.strain(), Recipe.made_at(run.attrs.get("recipe", ""))
     aim = np.nan if aim is None else aim
-    error = run.lab.sff_error().values[p > SFF_PRESSURE]
-    largest = float(error.max()) if error.size else np.nan
+    by_volume = "stress_sff_by_volume", p, "error of the equation by volume against Love"  # not in older files
     values = {
         "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
         **_at_ends("mean_stress", p, "Pa"),
@@ -62,8 +61,8 @@ def numbers(run: xr.Dataset) -> Numbers:
         "initial_void_ratio_nominal": (float(run["void_ratio_nominal"][0]), "1", "nominal void ratio at the start"),
         "made_void_ratio_nominal": (aim, "1", "nominal void ratio at which the specimen was made"),
         **_at_ends("coordination_number", run["coordination_number"]),
-        "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
-        **_error_by_volume(run, p),
+        "largest_sff_error": _largest_error(run, "stress_sff", p, "relative error of C0 against Love's stress"),
+        **({"largest_sff_error_by_volume": _largest_error(run, *by_volume)} if by_volume[0] in run else {}),
         "steps": (float(run.attrs.get("steps", np.nan)), "1", "number of time steps"),
         "wall_time": (float(run.attrs.get("wall_time", np.nan)), "s", "wall time of the run"),
     }
@@ -108,13 +107,10 @@ def _at_peak(run: xr.Dataset) -> Numbers:
     return values
 
 
-def _error_by_volume(run: xr.Dataset, p: np.ndarray) -> Numbers:
-    """Return the largest error of the equation by volume, name -> (value, units, long name); nothing in older files."""
-    if "stress_sff_by_volume" not in run:
-        return {}
-    error = run.lab.sff_error("stress_sff_by_volume").values[p > SFF_PRESSURE]
-    largest = float(error.max()) if error.size else np.nan
-    return {"largest_sff_error_by_volume": (largest, "1", "largest error of the equation by volume against Love")}
+def _largest_error(run: xr.Dataset, variable: str, p: np.ndarray, words: str) -> tuple[float, str, str]:
+    """Return the largest error of a stress where p is large enough."""
+    error = run.lab.sff_error(variable).values[p > SFF_PRESSURE]
+    return float(error.max()) if error.size else np.nan, "1", f"largest {words}"
 
 
 def _cyclic(run: xr.Dataset) -> Numbers:

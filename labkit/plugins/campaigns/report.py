@@ -10,17 +10,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from labkit.errors import printable
-from labkit.files.library import LIBRARY
-from labkit.files.netcdf import name_damage, open_netcdf
+from labkit.files.netcdf import name_damage
 from labkit.files.provenance import commit, libraries, machine, provenance_of, write_with_provenance
 from labkit.paths.rates import default_rate, on_grains, rate_of
 from labkit.plugins.campaigns.jobs import Job
 from labkit.plugins.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.plugins.campaigns.workflow import failures
 from labkit.records.limits import Exceeded, exceeded_in
+from labkit.results.dataset import open_whole
 from labkit.specimens.recipe import SETTINGS
 from labkit.version import __version__
 
@@ -131,9 +130,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
     file = Path(STATISTICS) / f"{job.name}.nc"
     if not file.exists():
         return None
-    with open_netcdf(file, "statistics"):
-        pass
-    with LIBRARY, name_damage(file), xr.open_dataset(file, engine="netcdf4", lock=LIBRARY) as statistics:
+    with name_damage(file), open_whole(file, "statistics") as statistics:
         value = {name: float(statistics[name]) for name in statistics}
     return {
         "run": job.name,

@@ -83,13 +83,13 @@ def _tables(of: dict[str, Records], dictionary: dict[str, pandas.DataFrame]) -> 
     rows = [{"DICT_HDNG": name, **headings.loc[name], "DICT_PGRP": ""} for name in of[GROUP][0]]
     of = {**of, "DICT": [title, *({**title, "DICT_TYPE": "HEADING", **_plain(row)} for row in rows)]}
     cells = {(name, value) for records in of.values() for row in records for name, value in row.items() if value}
-    codes = dictionary["ABBR"].set_index(["ABBR_HDNG", "ABBR_CODE"])["ABBR_DESC"]
+    codes = dictionary["ABBR"].set_index(["ABBR_HDNG", "ABBR_CODE"])["ABBR_DESC"].to_dict()
     coded = sorted(cell for cell in cells if kind[cell[0]] == "PA")
     of["ABBR"] = [{"ABBR_HDNG": name, "ABBR_CODE": code, "ABBR_DESC": codes[name, code]} for name, code in coded]
     names = [*{name for records in of.values() for name in records[0]}, "UNIT_UNIT"]  # in TYPE and UNIT, X too
     for group, used, listed in (("TYPE", kind, "PT"), ("UNIT", unit, "PU")):
         words = {*used[names], *(value for name, value in cells if kind[name] == listed)} - {""}
-        described = dictionary[group].set_index(f"{group}_{group}")[f"{group}_DESC"]
+        described = dictionary[group].set_index(f"{group}_{group}")[f"{group}_DESC"].to_dict()
         of[group] = [_plain({f"{group}_{group}": word, f"{group}_DESC": described[word]}) for word in sorted(words)]
     return {group: _table(records, headings) for group, records in of.items()}
 
