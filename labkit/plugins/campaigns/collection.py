@@ -86,9 +86,7 @@ def open_runs(files: str | os.PathLike[str] | Run | Iterable[str | os.PathLike[s
     """
     if isinstance(files, (str, os.PathLike)):
         files = _files_like(os.fspath(files))
-    if not isinstance(files, (Run, Iterable)):
-        raise InputError(f"open_runs() got a {type(files).__name__}: give run files, or Runs with files")
-    listed = [_file_of(run) for run in ([files] if isinstance(files, Run) else files)]
+    listed = [_file_of(run) for run in (files if isinstance(files, Iterable) else [files])]
     if not listed:
         raise InputError("open_runs() got no files: give run files, or a pattern such as 'results/*.run.nc'")
     for file in listed:

@@ -46,9 +46,19 @@ UNITS = {  # style of units -> (length in m, force in N)
 }
 
 
-def units_of_style(style: str | None) -> tuple[float | None, float | None]:
-    """Return the units (length in m, force in N) of a style; None if the style is unknown or dimensionless (lj)."""
-    return UNITS.get(style or "", (None, None))
+def _packing(
+    columns: Mapping[str, np.ndarray],
+    file: Path,
+    style: str | None,
+    cell: np.ndarray,
+    origin: np.ndarray,
+    at: Mapping[str, float],
+) -> Packing:
+    """Return the grains of columns, in the units of a style; None if it is unknown or dimensionless (lj)."""
+    metre, newton = UNITS.get(style or "", (None, None))
+    return dataclasses.replace(
+        grains_from(columns, file), cell=cell, origin=origin, length_unit=metre, force_unit=newton, at=at
+    )
 
 
 STYLES = {  # atom style -> columns of the section Atoms
@@ -102,16 +112,9 @@ class LammpsData(Format):
         require_count(file, int(count[1]), len(rows), "atoms")
         columns, _ = GRAIN.columns(names, values, file)
         units = re.search(r"units\s*=\s*(\w+)", first)
-        metre, newton = units_of_style(units[1] if units else None)
         step = STEP.search(first)
-        return dataclasses.replace(
-            grains_from(columns, file),
-            cell=cell,
-            origin=origin,
-            length_unit=metre,
-            force_unit=newton,
-            at={"step": int(step[1])} if step else {},
-        )
+        at = {"step": int(step[1])} if step else {}
+        return _packing(columns, file, units[1] if units else None, cell, origin, at)
 
     def write(self, state: State, file: Path) -> None:
         """Write the grains in SI units, in LAMMPS's orientation of the cell (see `standard_orientation`)."""
@@ -214,15 +217,7 @@ class LammpsDump(Format):
         if "id" in columns:
             order = np.argsort(columns["id"])
             columns = {name: column[order] for name, column in columns.items()}
-        metre, newton = units_of_style(frame.units)
-        packing = dataclasses.replace(
-            grains_from(columns, file),
-            cell=frame.cell,
-            origin=frame.origin,
-            length_unit=metre,
-            force_unit=newton,
-            at=frame.at,
-        )
+        packing = _packing(columns, file, frame.units, frame.cell, frame.origin, frame.at)
         return packing.with_notes(*frame.notes, *_left_out(columns.get("id")))
 
 

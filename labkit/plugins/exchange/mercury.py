@@ -90,14 +90,11 @@ def after(words: list[str], name: str, count: int) -> list[float]:
 def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, float, list[str]]:
     """Return (cell, origin, tilt, notes) from domain and boundaries; cell is None if a direction is not periodic."""
     text = "\n".join(lines[:30])
-    domain = DOMAIN.search(text)
-    low, high = np.zeros(3), np.zeros(3)
-    if domain is not None:
-        values = np.array([real(word) for word in domain.groups()])
-        low, high = values[0::2].copy(), values[1::2].copy()
-    elif (new := NEW_DOMAIN.search(text)) is not None:
-        values = np.array([real(word) for word in new.groups()])
-        low, high = values[:3].copy(), values[3:].copy()
+    low, high = np.zeros((2, 3))
+    if domain := DOMAIN.search(text):
+        low, high = np.reshape([real(word) for word in domain.groups()], (3, 2)).T
+    elif new := NEW_DOMAIN.search(text):
+        low, high = np.reshape([real(word) for word in new.groups()], (2, 3))
     tilt, periodic = 0.0, [False, False, False]
     for words in (line.split() for line in section(lines, "Boundaries")):
         if words[0] == "PeriodicBoundary":

@@ -93,7 +93,7 @@ def test_files_of_others_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("properties", "message"),
     [("pos:R", "Properties does not consist"), ("pos:R:3:x:R:999999999999", "Properties does not consist"),
-     ("pos:R:3:radius:R:1", "a row has 5 cells for 4 columns")],
+     ("pos:R:3:radius:R:1", "row 1 has 5 numbers for 4 columns")],
 )  # fmt: skip
 def test_columns_that_are_not_there_are_named(tmp_path, properties, message):
     (tmp_path / "a.xyz").write_text(f"1\nProperties={properties}\nX 1 1 1 .5\n")
