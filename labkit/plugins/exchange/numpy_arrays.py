@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import zipfile
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from labkit.plugins.exchange.formats import Format, damaged_file
 from labkit.plugins.exchange.packing import Answers, Packing, answer_names
 from labkit.text.foreign import content_of, require_modest
 
-UNREADABLE = "NumPy cannot read its arrays"
+DAMAGED = (ValueError, OSError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError, BadZipFile, zlib.error)
 MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz
 
 
@@ -72,27 +72,18 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
         raise damaged_file(file, "it does not begin like a NumPy file")
     try:
         if content.startswith(b"PK"):
-            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            with ZipFile(io.BytesIO(content)) as archive:
                 require_modest(file, archive)
         loaded = np.load(io.BytesIO(content))
         arrays = {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
         if others := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
             raise damaged_file(file, f"{others[0]} is no array")
         return arrays
-    except ValueError as error:
+    except InputError:
+        raise
+    except DAMAGED as error:
         if "pickle" in str(error):
             raise InputError(
                 f"{file} holds Python objects, which could run any code: save plain arrays with numpy.savez"
             ) from None
-        raise damaged_file(file, error if isinstance(error, InputError) else UNREADABLE) from None
-    except (
-        OSError,
-        EOFError,
-        KeyError,
-        RuntimeError,
-        MemoryError,
-        OverflowError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ):
-        raise damaged_file(file, UNREADABLE) from None
+        raise damaged_file(file, "NumPy cannot read its arrays") from None

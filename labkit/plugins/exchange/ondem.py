@@ -16,6 +16,7 @@ import numpy as np
 
 from labkit.files.library import OWN, new_hdf5
 from labkit.grains.state import State
+from labkit.parameters import Values
 from labkit.plugins.exchange.contact_list import ContactList
 from labkit.plugins.exchange.formats import Format, damaged_file
 from labkit.plugins.exchange.packing import FIRST, RADIUS, TENSION, Answers, Packing
@@ -67,31 +68,22 @@ class OnDem(Format):
 
 def _packing(data: h5py.Group) -> Packing:
     points = data["VTKHDF/PointData"]
-    grains = {"position": np.array(data["VTKHDF/Points"], dtype=float)}
-    grains |= {
-        target: np.array(points[name], dtype=kind)
-        for target, name, kind in (
-            ("radius", "radius", float),
-            ("id", "body_id", np.int64),
-            ("body", "clump_id", np.int64),
-        )
-        if name in points
-    }
+    grains: Values = {"position": np.array(data["VTKHDF/Points"], dtype=float)}
+    for field, name, kind in (("size", "radius", float), ("id", "body_id", np.int64), ("body", "clump_id", np.int64)):
+        if name in points:
+            grains[field] = np.array(points[name], dtype=kind)
     notes = []
-    if "radius" in grains and not (real := grains["radius"] > 0.0).all():  # the points include bodies of other shapes
+    if "size" in grains and not (real := grains["size"] > 0.0).all():  # the points include bodies of other shapes
         notes.append(f"{int((~real).sum())} bodies that are not spheres are left out")
         grains = {name: values[real] for name, values in grains.items()}
     metre, newton = _units(data)
     path = data.visit(lambda path: path if path.split("/")[-1] == "periodic_box" else None)
     cell = None if path is None else np.array(data[path]["shape"], dtype=float)
     return Packing(
-        grains["position"],
-        grains.get("radius"),
-        RADIUS if "radius" in grains else None,
-        grains.get("id"),
-        grains.get("body"),
-        cell,
-        None if cell is None else np.zeros(3),
+        **grains,
+        size_is=RADIUS if "size" in grains else None,
+        cell=cell,
+        origin=None if cell is None else np.zeros(3),
         contacts=_contacts(data["ONDEM/Interactions"]) if "ONDEM/Interactions" in data else None,
         length_unit=metre,
         force_unit=newton,

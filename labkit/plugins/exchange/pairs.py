@@ -43,11 +43,8 @@ def overlapping_pairs(
     owner, image = np.concatenate(owners), np.concatenate(images)
     points = wrapped[owner] + image @ cell.T
     tree, others = cKDTree(wrapped), cKDTree(points)
-    number, most = (
-        int(tree.count_neighbors(others, reach)) - len(radius),
-        max(MOST_PAIRS, MOST_OF_A_GRAIN * len(radius)),
-    )
-    if number > most:
+    number = int(tree.count_neighbors(others, reach)) - len(radius)
+    if number > max(MOST_PAIRS, MOST_OF_A_GRAIN * len(radius)):
         raise InputError(
             f"each grain has {number / len(radius):.0f} others within the largest diameter: are the sizes "
             "diameters, not radii? is --box right?"

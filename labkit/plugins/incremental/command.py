@@ -163,11 +163,11 @@ def _on_model(test: DriverFile, chosen: DriverOptions, recording: Options, histo
     from labkit.model.parameters import Model
     from labkit.model.run_file import write_result
     from labkit.plugins.incremental.columns import VARIABLES
-    from labkit.plugins.incremental.start import model_from_constants, model_state, read_initial, read_material, way_to
+    from labkit.plugins.incremental.start import model_from_constants, model_state, read_initial, way_to
 
     parameters, unit, output = chosen.parameters, chosen.stress_unit, str(chosen.output)
     initial = read_initial(require(chosen.initial, "initial", "initialconditions.inp"), unit)
-    model = model_from_constants(read_material(parameters), unit) if parameters else Model()
+    model = model_from_constants(parameters, unit) if parameters else Model()
     state = model_state(initial, model)
     require_output(output)
     begin = time.perf_counter()

@@ -55,8 +55,8 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int
     starts = _blocks(source)
     if not 1 <= block <= len(starts):
         raise InputError(f"is not in {file}", field="block", value=block, allowed=f"a number from 1 to {len(starts)}")
-    source.go_to(starts[block - 1])
-    output, heading = _output(source)
+    source.go_to(starts[block - 1] + 1)
+    output, heading = _output(source, "".join(source.raw[starts[block - 1] : starts[block - 1] + 1]))
     reader = StepReader(source, stress_unit)
     steps: list[MixedStep] = []
     order: list[int] = []
@@ -93,10 +93,9 @@ def _blocks(source: Source) -> list[int]:
     return starts
 
 
-def _output(source: Source) -> tuple[str, str]:
-    """Read the name of the output file and the heading from the first line."""
-    first = source.whole_line()
-    if first is None or not first.strip():
+def _output(source: Source, first: str) -> tuple[str, str]:
+    """Return the name of the output file and the heading, which are in the first line, with its comment."""
+    if not first.strip():
         raise source.last.error("the first line is empty: it names the output file, e.g. output.out")
     name, _, heading = first.partition("#")
     name = name.strip()

@@ -88,16 +88,10 @@ class Source:
         """Continue at a line, counted from 0."""
         self._at = line
 
-    def whole_line(self) -> str | None:
-        """Return the next line with its comment, or None at the end of the file."""
-        if self._at == len(self.raw):
-            return None
-        self._at += 1
-        return self.raw[self._at - 1]
-
     def next(self) -> Line | None:
         """Return the next line that is not empty, or None at the end of the file."""
-        while self.whole_line() is not None:
+        while self._at < len(self.raw):
+            self._at += 1
             if self.last.text:
                 return self.last
         return None

@@ -67,22 +67,12 @@ def read_initial(file: str | os.PathLike[str], stress_unit: str = "kPa") -> Init
     return initial
 
 
-@dataclasses.dataclass(frozen=True)
-class MaterialConstants:
-    """A material of parameters.inp: its name and its constants as written."""
-
-    file: Path
-    name: str
-    constants: tuple[float, ...]
-
-
-def read_material(file: str | os.PathLike[str]) -> MaterialConstants:
-    """Read parameters.inp. Raises InputError with the line."""
+def read_constants(file: str | os.PathLike[str]) -> list[float]:
+    """Read the constants in parameters.inp, as written. Raises InputError with the line."""
     source = Source(Path(file))
-    name = source.need("the name of the material").text
+    source.need("the name of the material")
     number = source.count("the number of constants", 0, MOST_VALUES)
-    constants = [source.reals(1, f"constant {k + 1} of {number}")[0] for k in range(number)]
-    return MaterialConstants(source.file, name, tuple(constants))
+    return [source.reals(1, f"constant {k + 1} of {number}")[0] for k in range(number)]
 
 
 SAME = 0.01  # largest difference between the stress of a state and the given stress, divided by the given stress
@@ -97,23 +87,23 @@ def way_to(stress: np.ndarray) -> Steps:
     return Steps(steps=(step,), pressure=f"{pressure!r} Pa")
 
 
-def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") -> Model:
+def model_from_constants(file: str | os.PathLike[str], stress_unit: str = "kPa") -> Model:
     """Return the model with the constants of parameters.inp: Young's modulus, then the parameters of Table 2 in order.
 
     Raises InputError for a wrong number of constants, or for invalid values.
     """
-    names = [field.name for field in dataclasses.fields(Parameters)]
-    if len(material.constants) != 1 + len(names):
+    constants, names = read_constants(file), [field.name for field in dataclasses.fields(Parameters)]
+    if len(constants) != 1 + len(names):
         raise InputError(
-            f"{material.file} has {len(material.constants)} constants, and labkit's model has {1 + len(names)}: give "
+            f"{file} has {len(constants)} constants, and labkit's model has {1 + len(names)}: give "
             f"Young's modulus of the grains, {', '.join(names)}, or leave --parameters out for Table 2"
         )
-    modulus, *values = material.constants
+    modulus, *values = constants
     try:
         parameters = Parameters(**dict(zip(names, values, strict=True)))
         return Model(parameters, young_modulus=modulus * STRESS_UNITS[stress_unit])
     except InputError as error:
-        raise InputError(f"{material.file}: {error}") from None
+        raise InputError(f"{file}: {error}") from None
 
 
 def model_state(initial: InitialConditions, model: Model) -> ModelState:

@@ -12,7 +12,7 @@ from labkit.model import Model, drive
 from labkit.model.run_file import as_run
 from labkit.plugins.incremental.columns import NAMES, columns, output_text
 from labkit.plugins.incremental.driver_file import read_test
-from labkit.plugins.incremental.start import model_from_constants, model_state, read_initial, read_material, way_to
+from labkit.plugins.incremental.start import model_from_constants, model_state, read_initial, way_to
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -87,7 +87,7 @@ def test_on_the_model(folder, monkeypatch, capsys):
 
 
 def test_the_constants_of_the_example_are_table_2():
-    model, table_2 = model_from_constants(read_material(EXAMPLE / "parameters.inp")), Model()
+    model, table_2 = model_from_constants(EXAMPLE / "parameters.inp"), Model()
     assert model.young_modulus == table_2.young_modulus
     np.testing.assert_allclose(model.constants, table_2.constants, rtol=1e-5)
 
