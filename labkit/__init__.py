@@ -64,12 +64,12 @@ if TYPE_CHECKING:
     from labkit.plugins.exchange.formats import register_format as register_format
     from labkit.plugins.exchange.importing import import_snapshot as import_snapshot
     from labkit.plugins.exchange.importing import import_state as import_state
-    from labkit.plugins.laboratory_data import GrainTests as GrainTests
-    from labkit.plugins.laboratory_data import Posterior as Posterior
-    from labkit.plugins.laboratory_data import calibrate_grains as calibrate_grains
-    from labkit.plugins.laboratory_data import misfit as misfit
-    from labkit.plugins.laboratory_data import read_measured as read_measured
-    from labkit.plugins.laboratory_data import write_measured as write_measured
+    from labkit.plugins.laboratory_data.comparing import misfit as misfit
+    from labkit.plugins.laboratory_data.posterior import Posterior as Posterior
+    from labkit.plugins.laboratory_data.posterior import calibrate_grains as calibrate_grains
+    from labkit.plugins.laboratory_data.reading import read_measured as read_measured
+    from labkit.plugins.laboratory_data.reading import write_measured as write_measured
+    from labkit.plugins.laboratory_data.sampling import GrainTests as GrainTests
     from labkit.plugins.probes.grains import probe as probe
     from labkit.plugins.probes.probe_set import Probes as Probes
     from labkit.plugins.probes.probe_set import read_probes as read_probes

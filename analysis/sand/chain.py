@@ -24,9 +24,10 @@ from analysis.pictures import save
 from analysis.sand.karlsruhe import RESULTS, SAMPLES, USED, grain_tests, half_width
 from examples.boundary_value import problem
 from examples.boundary_value.scikit_fem import ScikitFem
+from labkit import Posterior
 from labkit.micro import void_ratio_nominal
 from labkit.model import Model, drive, isotropic_state, states
-from labkit.plugins.laboratory_data import Posterior, posterior_of, read_samples
+from labkit.plugins.laboratory_data import posterior_of, read_samples
 from labkit.plugins.umat import Library, build, copy_sources
 
 MIXED = lk.Fused(precision="mixed")

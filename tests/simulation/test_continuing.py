@@ -9,7 +9,7 @@ import pytest
 import labkit as lk
 from labkit.cli.dispatch import main
 from labkit.errors import LabkitWarning
-from labkit.plugins.exchange import state_of_snapshot
+from labkit.grains.state import state_of_snapshot
 
 DRAINED = lk.paths.ConstantRadialStress
 OPTIONS = {"progress": False, "save_every": 1, "record_strain": 1e-3}

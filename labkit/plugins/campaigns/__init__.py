@@ -18,10 +18,6 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.plugins.campaigns.collection import open_campaign as open_campaign
-    from labkit.plugins.campaigns.collection import open_runs as open_runs
-    from labkit.plugins.campaigns.file import Campaign as Campaign
-    from labkit.plugins.campaigns.file import campaign_file as campaign_file
     from labkit.plugins.campaigns.file import read_campaign as read_campaign
     from labkit.plugins.campaigns.layout import CAMPAIGN as CAMPAIGN
     from labkit.plugins.campaigns.layout import RUNS as RUNS

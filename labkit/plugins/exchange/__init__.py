@@ -13,17 +13,11 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.grains.state import state_of_snapshot as state_of_snapshot
     from labkit.plugins.exchange.contact_list import ContactList as ContactList
     from labkit.plugins.exchange.formats import FORMATS as FORMATS
     from labkit.plugins.exchange.formats import Format as Format
-    from labkit.plugins.exchange.formats import register_format as register_format
-    from labkit.plugins.exchange.importing import import_snapshot as import_snapshot
-    from labkit.plugins.exchange.importing import import_state as import_state
     from labkit.plugins.exchange.importing import read as read
-    from labkit.plugins.exchange.joining import Imported as Imported
     from labkit.plugins.exchange.packing import Answers as Answers
     from labkit.plugins.exchange.packing import Packing as Packing
-    from labkit.text.foreign import Doubt as Doubt
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

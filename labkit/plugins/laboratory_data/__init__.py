@@ -18,16 +18,10 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.plugins.laboratory_data.comparing import misfit as misfit
     from labkit.plugins.laboratory_data.comparing import remarks as remarks
     from labkit.plugins.laboratory_data.comparing import scatter_between as scatter_between
-    from labkit.plugins.laboratory_data.posterior import Posterior as Posterior
-    from labkit.plugins.laboratory_data.posterior import calibrate_grains as calibrate_grains
     from labkit.plugins.laboratory_data.posterior import posterior_of as posterior_of
     from labkit.plugins.laboratory_data.reading import preview as preview
-    from labkit.plugins.laboratory_data.reading import read_measured as read_measured
-    from labkit.plugins.laboratory_data.reading import write_measured as write_measured
-    from labkit.plugins.laboratory_data.sampling import GrainTests as GrainTests
     from labkit.plugins.laboratory_data.sampling import Sample as Sample
     from labkit.plugins.laboratory_data.sampling import read_samples as read_samples
 

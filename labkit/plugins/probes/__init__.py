@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.plugins.probes.grains import affine_stiffness as affine_stiffness
     from labkit.plugins.probes.grains import at_rest as at_rest
     from labkit.plugins.probes.model import probe_model as probe_model
 else:

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from labkit.plugins.umat.library import build as build
     from labkit.plugins.umat.library import copy_sources as copy_sources
     from labkit.plugins.umat.library import missing_compilers as missing_compilers
-    from labkit.plugins.umat.library import write as write
-    from labkit.plugins.umat.props import STATE_NAMES as STATE_NAMES
-    from labkit.plugins.umat.props import TOLERANCE as TOLERANCE
     from labkit.plugins.umat.props import PointStart as PointStart
     from labkit.plugins.umat.props import properties as properties
 else:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit import import_state
 from labkit.cli.dispatch import main
-from labkit.plugins.exchange import import_state, read
+from labkit.plugins.exchange import read
 
 ROWS = "0.2,1,1,0.5\n3.5,1,1.7,0.5\n2,2.5,3,0.5\n2.3,3.2,3.6,0.5\n"
 MERCURY = """MercuryDPM 0.14 name two revision 1 repository none

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit import import_snapshot, import_state
 from labkit.bodies.shapes import moments
 from labkit.cli.dispatch import main
 from labkit.grains.state_file import write_state
-from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read
+from labkit.plugins.exchange import FORMATS, read
 from tests.conftest import PATIENCE
 
 # two clumps of two spheres, whose members overlap by 2 %, and a single sphere on one of them; the second clump is cut

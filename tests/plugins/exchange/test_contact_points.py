@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit import import_snapshot, import_state
 from labkit.micro.snapshot import OUTWARD, contact_arms
-from labkit.plugins.exchange import import_snapshot, import_state
 from tests.conftest import PATIENCE
 from tests.plugins.exchange.conftest import IN_YADE
 from tests.plugins.exchange.test_statistics import of_snapshot, require_equal

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit import import_snapshot, import_state
 from labkit.cli.dispatch import main
 from labkit.grains.state_file import read_state
-from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read
+from labkit.plugins.exchange import FORMATS, read
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
 # notes on the small specimens, which test_foreign.py and others examine

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit import import_snapshot
 from labkit.grains.state_file import write_state
-from labkit.plugins.exchange import FORMATS, import_snapshot
+from labkit.plugins.exchange import FORMATS
 from labkit.plugins.exchange.summary import contact_table, grain_table
 
 pytestmark = pytest.mark.slow

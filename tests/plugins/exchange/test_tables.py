@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit import import_snapshot
 from labkit.cli.dispatch import main
-from labkit.plugins.exchange import import_snapshot, read
+from labkit.plugins.exchange import read
 
 ROWS = "1,1,1,0.5\n1,1,1.99,0.5\n3,3,3,0.5\n"
 GIVEN = {"box": "4", "first_id": 0, "force_sign": "compression", "force_on": "first"}
