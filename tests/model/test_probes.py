@@ -26,7 +26,7 @@ def state():
 
 
 def test_a_small_strain_probe_is_the_rate_of_the_stress(model, state):
-    probes = probe_model(state, model, plane="deviatoric", directions=8, amplitude=1e-7)
+    probes = probe_model(state, model, lk.Probing("deviatoric", directions=8, amplitude=1e-7))
     directions = to_tensor(probes.plane.directions(8)[1])
     expected = to_six(stress_rate(model, state, directions))
     found = to_six(probes.data["stress_increment"].values) / 1e-7
@@ -35,7 +35,7 @@ def test_a_small_strain_probe_is_the_rate_of_the_stress(model, state):
 
 
 def test_stress_probes_reach_their_stress_and_work_as_strain_probes_do(model, state):
-    probes = probe_model(state, model, directions=6, kind="stress", amplitude=1e-6)
+    probes = probe_model(state, model, lk.Probing(directions=6, kind="stress", amplitude=1e-6))
     pressure = lk.mean_stress(state.stress(model))
     reached = to_six(probes.data["stress_increment"].values) / (1e-6 * pressure)
     np.testing.assert_allclose(reached, probes.plane.directions(6)[1], atol=1e-6)

@@ -12,7 +12,7 @@ from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import MEASURED_REVERSALS, DensityDependence, LodeDependence, Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
-from labkit.plugins.umat.material_point import states, update, voigt
+from labkit.plugins.umat.material_point import states, update
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)
@@ -148,15 +148,6 @@ def test_points_are_independent_and_a_failed_point_has_a_status(model):
     assert np.isnan(failed.stress[7]).all() and np.isnan(failed.tangent[7]).all()
     with pytest.raises(PhysicsError, match="point 7"):
         failed.require()
-
-
-def test_the_voigt_tangent_applies_to_engineering_shear_strains(model):
-    state, D = random_state(np.random.default_rng(2)), symmetric(np.random.default_rng(3), 1.0)
-    engineering = np.array([D[0, 0], D[1, 1], D[2, 2], 2 * D[1, 2], 2 * D[0, 2], 2 * D[0, 1]])
-    rate = stress_rate(model, state, D)
-    found = voigt(rate_tangent(model, state, D)) @ engineering
-    expected = [rate[0, 0], rate[1, 1], rate[2, 2], rate[1, 2], rate[0, 2], rate[0, 1]]
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(rate).max())
 
 
 @pytest.mark.parametrize("increment", [np.zeros((2, 6)), np.zeros((3, 5)), np.full((3, 6), np.nan)])

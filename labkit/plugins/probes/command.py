@@ -91,13 +91,13 @@ def probe_all(state: State, probing: Probing, materials: MoreMaterials, computat
     from labkit.model.run_file import read_model
     from labkit.model.state import state_of
     from labkit.plugins.probes.grains import at_rest, probes_of
-    from labkit.plugins.probes.model import model_probes
+    from labkit.plugins.probes.model import probe_model
     from labkit.process.progress import reporter
 
     chosen = materials.model
     model = read_model(materials.parameters).reading(beyond_e_cmax=materials.beyond_e_cmax) if chosen else None
     start = at_rest(state, computation)
-    predicted = None if model is None else model_probes(state_of(start.snapshot()), model, probing)
+    predicted = None if model is None else probe_model(state_of(start.snapshot()), model, probing)
     probes = probes_of(start, probing, False, computation, reporter("probes"))
     if materials.elastic:
         probes += probes_of(start, probing, True, computation, reporter("elastic probes"))

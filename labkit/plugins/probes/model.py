@@ -18,14 +18,7 @@ RECORDS = 3  # records of a probe: two while the increment is applied, one at re
 TYPICAL = 1e-3  # typical strain of a stress change equal to the mean stress; only sets the length of the path
 
 
-def probe_model(
-    state: ModelState,
-    model: Model = TABLE_2,
-    plane: str = "axisymmetric",
-    directions: int = 24,
-    amplitude: float | None = None,
-    kind: str = "strain",
-) -> Probes:
+def probe_model(state: ModelState, model: Model = TABLE_2, probing: Probing = Probing()) -> Probes:
     """Apply small increments of strain or stress to a state of the model, each to the same state; returns Probes.
 
     `labkit.model.state_of(snapshot)` returns the model state with the statistics of the grains in a snapshot. Raises
@@ -34,16 +27,8 @@ def probe_model(
     Args:
         state: State of the model.
         model: The model.
-        plane: Plane of the increments, as for labkit.probe.
-        directions: Number of directions, as for labkit.probe.
-        amplitude: Size of the increments, as for labkit.probe.
-        kind: "strain" or "stress".
+        probing: Directions, size and duration of the increments.
     """
-    return model_probes(state, model, Probing(plane, directions, kind, amplitude))
-
-
-def model_probes(state: ModelState, model: Model, probing: Probing) -> Probes:
-    """Apply the probes that `probing` describes to a state of the model (probe_model)."""
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
     rows = [_row(state, model, _path(state, model, probing, six)) for six in direction]

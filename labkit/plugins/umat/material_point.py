@@ -20,7 +20,7 @@ from labkit.model.integrators import FLOOR, SMALLEST
 from labkit.model.parameters import Model
 from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, outside
 from labkit.model.state import ModelState
-from labkit.model.tensors import ROOT2, put, put_six, six_at, trace
+from labkit.model.tensors import put, put_six, six_at, trace
 
 MOST_SUBSTEPS = 100_000
 WORK = 37  # rows of the work array, each of STATE numbers
@@ -100,12 +100,6 @@ def update(
     table = Pointers([new, increment, model.numbers, stress, tangents, counts, work])
     _update_all.of(type(model.constants))(table.address, tolerance, n, tangent)
     return Update(new, stress, tangents if tangent else None, *counts.astype(np.int64))
-
-
-def voigt(tangent: np.ndarray) -> np.ndarray:
-    """Convert a tangent (n, 6, 6) to Voigt notation: engineering shear strains, order xx, yy, zz, yz, xz, xy."""
-    weight = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
-    return tangent / (weight[:, None] * weight)
 
 
 @entry
