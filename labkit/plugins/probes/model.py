@@ -18,7 +18,7 @@ RECORDS = 3  # records of a probe: two while the increment is applied, one at re
 TYPICAL = 1e-3  # typical strain of a stress change equal to the mean stress; only sets the length of the path
 
 
-def probe_model(state: ModelState, model: Model = TABLE_2, probing: Probing = Probing()) -> Probes:
+def probe_model(state: ModelState, model: Model = TABLE_2, probing: Probing | None = None) -> Probes:
     """Apply small increments of strain or stress to a state of the model, each to the same state; returns Probes.
 
     `labkit.model.state_of(snapshot)` returns the model state with the statistics of the grains in a snapshot. Raises
@@ -27,8 +27,9 @@ def probe_model(state: ModelState, model: Model = TABLE_2, probing: Probing = Pr
     Args:
         state: State of the model.
         model: The model.
-        probing: Directions, size and duration of the increments.
+        probing: Directions, size and duration of the increments (default: those of Probing).
     """
+    probing = probing or Probing()
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
     rows = [_row(state, model, _path(state, model, probing, six)) for six in direction]
