@@ -122,8 +122,8 @@ def _column(name: str, text: str) -> Column:
         pattern = "HEADER:UNIT:SIGN" if signed else "HEADER:UNIT"
         example = "axial_strain=eps1:%:compression" if signed else "pore_pressure=u:kPa"
         raise InputError(field="column", value=f"{name}={text}", allowed=f"QUANTITY={pattern}, e.g. {example}")
-    unit, *sign = others
-    return header, unit or None, *sign
+    unit = others[0] or None
+    return (header, unit, others[1]) if len(others) > 1 else (header, unit)
 
 
 def _pairs(texts: Sequence[str], field: str) -> dict[str, str]:

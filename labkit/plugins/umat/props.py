@@ -8,7 +8,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.model.parameters import Model, Parameters
-from labkit.parameters import Number, check_parameters, parameter
+from labkit.parameters import check_parameters, parameter
 
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
@@ -23,8 +23,8 @@ class PointStart:
     If the program specifies an initial stress, this stress replaces the pressure.
     """
 
-    void_ratio: Number[float | None] = parameter(None, above=0.0, help="initial void ratio of points without a state")
-    pressure: Number[float | None] = parameter(
+    void_ratio: float | None = parameter(None, above=0.0, help="initial void ratio of points without a state")
+    pressure: float | None = parameter(
         None, unit="Pa", above=0.0, help="initial isotropic pressure of points without an initial stress"
     )
 
