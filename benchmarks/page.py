@@ -36,10 +36,9 @@ import labkit as lk
 from labkit.engines.base import silent
 from labkit.files.provenance import write_with_provenance
 from labkit.plugins.page.bench import OPTIONS, Bench
-from labkit.plugins.page.exercises import EXERCISES
 from labkit.plugins.page.form import Choices
 from labkit.plugins.page.server import Handler
-from labkit.plugins.page.site import wheel_for_browsers, write_site
+from labkit.plugins.page.site import EXERCISES, wheel_for_browsers, write_site
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -162,16 +161,16 @@ def differences(page: Page, grains: int, scratch: Path) -> pd.DataFrame:
 
 def exercises(page: Page, address: str) -> Iterator[tuple[str, str, str, float, float]]:
     """Yield exercise, test, number, and its values on a computer (as stored) and in the page, for all exercises."""
-    for exercise in EXERCISES:
-        for number, test in enumerate(exercise.tests):
-            page.goto(f"{address}?exercise={exercise.name}&test={number}")
+    for exercise in json.loads(EXERCISES.read_text()):
+        for number, test in enumerate(exercise["tests"]):
+            page.goto(f"{address}?exercise={exercise['name']}&test={number}")
             page.wait_for_selector("#status[data-ready]", state="attached")
             page.click("#run")
             page.wait_for_selector("#status[data-runs='1']", state="attached")
             for row in page.query_selector_all("#exercise tr")[1:]:
                 words, there, here = (cell.text_content() or "" for cell in row.query_selector_all("td"))
-                print(exercise.name, test.title, words, there, here, flush=True)
-                yield exercise.name, test.title, words, float(there), float(here)
+                print(exercise["name"], test["title"], words, there, here, flush=True)
+                yield exercise["name"], test["title"], words, float(there), float(here)
 
 
 def store(tables: dict[str, pd.DataFrame], folder: str) -> None:
