@@ -8,7 +8,6 @@ file from another program lacks them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -105,7 +104,8 @@ def _units(data: h5py.Group) -> tuple[float | None, float | None]:
 
 def _contacts(interactions: h5py.Group) -> ContactList | None:
     """Read the contacts in ONDEM/Interactions, combining its subgroups if each contact law has its own."""
-    groups = list(_leaves(interactions))
+    groups = [interactions] if "id1" in interactions else []
+    interactions.visititems(lambda _, each: groups.extend([each] * (hasattr(each, "keys") and "id1" in each)))
     if not groups:
         return None
     first = groups[0]
@@ -125,15 +125,6 @@ def _contacts(interactions: h5py.Group) -> ContactList | None:
         acts_on=_attribute(first, "shear_force", "acts_on"),
         overlap=joined.get("overlap"),
     )
-
-
-def _leaves(group: h5py.Group) -> Iterator[h5py.Group]:
-    """Yield the groups that contain contacts, among a group and the groups within it."""
-    if "id1" in group:
-        yield group
-    for name in group:
-        if hasattr(group[name], "keys"):
-            yield from _leaves(group[name])
 
 
 def _attribute(group: h5py.Group, name: str, attribute: str) -> str | None:
