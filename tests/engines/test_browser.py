@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -55,14 +54,6 @@ except Exception as error:
 """
 
 
-def require(*programs):
-    for program in programs:
-        if not shutil.which(program):
-            pytest.skip(f"no {program} here: apt-get install nodejs npm")
-    if not find_spec("ziglang"):
-        pytest.skip("no zig here: pip install ziglang")
-
-
 def test_a_browser_refuses_what_it_cannot_compile(monkeypatch):
     monkeypatch.setattr(machine, "COMPILES", False)
     for stamp in (None, "of another law"):
@@ -73,7 +64,9 @@ def test_a_browser_refuses_what_it_cannot_compile(monkeypatch):
 
 @pytest.mark.slow
 def test_the_library_of_a_browser_needs_only_c_and_contains_every_function(tmp_path):
-    require("node")
+    pytest.importorskip("ziglang")
+    if not shutil.which("node"):
+        pytest.skip("no node here: apt-get install nodejs")
     objects = tmp_path / "objects"
     objects.mkdir()
     settings = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
