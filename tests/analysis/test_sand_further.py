@@ -19,18 +19,6 @@ def test_every_cyclic_test_keeps_the_volume_and_has_its_own_state():
         assert 100e3 <= pressure <= 200e3 and 0.7 < void_ratio < 1.0
 
 
-def test_a_draw_that_does_not_liquefy_counts_with_its_length():
-    lines = [
-        {"draw": 0, "test": "TCUI4", "of": 10, "cycles": 2.5},
-        {"draw": 1, "test": "TCUI4", "of": 10, "cycles": float("nan")},
-        {"draw": 2, "test": "TCUI4", "of": 10, "failed": "a reason"},
-    ]
-    (row,) = cyclic.table_of(lines, {"TCUI4": 5.0, "TCUI8": 249}).to_dict("records")
-    assert row["predicted"] == pytest.approx(5.0) and row["factor"] == pytest.approx(1.0)
-    assert (row["draws"], row["not reached"], row["within"], row["inside"]) == (2, 1, True, True)
-    assert row["low"] * row["high"] == pytest.approx(25.0) and row["low"] < 2.5
-
-
 def test_stored_cycles_give_the_stored_table():
     measured = pandas.read_csv(cyclic.TABLE).set_index("test")["measured"].to_dict()
     lines = [*cyclic.lines_of_draws(lines_of(FILES["draws"])), *lines_of(RESULTS / "with_fabric_cycles.jsonl")]
