@@ -74,15 +74,6 @@ def test_the_page_has_a_row_per_number_and_explains_the_differences(tables):
     assert all(f"- **{label}**: " in text for label in off["label"])
 
 
-def test_a_row_shows_the_difference_and_what_is_allowed(tables):
-    rows = values_of(tables[0])["rows"]
-    for (_, cells), (_, known) in zip(rows.iterrows(), tables[0].iterrows(), strict=True):
-        if known["within"] > 0.0 and known["paper_rounding"] > 0.0:
-            assert float(cells["allowed"]) == pytest.approx(known["within"] + known["paper_rounding"], rel=0.05)
-            assert float(cells["difference"]) == pytest.approx(known["difference"], rel=0.05)
-        assert cells["our interval (95 %)"] not in ("± 0", "± 0.0")
-
-
 def test_a_stronger_campaign_does_not_agree(known):
     """With all tests 4 % stronger, M differs by 4 %, A does not, and a contact law 4 % weaker explains it."""
     stronger = {name: run if name.endswith("-fused") else changed(run, 1.04) for name, run in known.items()}
@@ -120,19 +111,6 @@ def test_the_runs_that_exceed_a_limit_are_named(known):
     run["inertial_number"] = run["inertial_number"] + 1e-3 * (run["axial_strain"] > 1.0)
     row = fidelity({"cv-dense": run})[0].set_index("number").loc["inertial number"]
     assert row["agrees"] == "no" and "cv-dense" in row["explanation"]
-
-
-def test_the_paths_end_on_one_line(known):
-    at_ends = ends(sheared(main(known)))
-    assert (lines.one_line(at_ends)["corrected"] > 0.05).all()
-    dense = at_ends.assign(e=at_ends["e"] - 0.004 * at_ends["run"].str.contains("dense"))
-    found = lines.one_line(dense).set_index(["line", "factor"])
-    assert found["p_value"]["e(p)", "density"].max() < 0.01
-    off = at_ends.assign(e=at_ends["e"] + 0.004 * (at_ends["path"] == "cr"))
-    found = lines.one_line(off).set_index(["line", "group"])
-    assert (found.loc[("e(p)", "cr"), "p_value"] < 1e-3).all()
-    assert found["offset"]["e(p)", "cr"] == pytest.approx(0.004, abs=2e-4)
-    assert found["within"]["e(p)", "cr"] < 1e-3
 
 
 def test_the_fitted_lines_are_those_of_table_2(known):

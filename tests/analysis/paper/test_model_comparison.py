@@ -71,12 +71,6 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
     assert model_errors(errors)["per_test"].iloc[0].tolist() == ["isod-loose", "ended", "ended", "ended"]
 
 
-def test_the_error_due_to_chance_is_that_of_another_seed(known):
-    errors = comparison.compare(known, {})
-    assert set(errors["parameters"]) == {comparison.SEED} and len(errors) == 4
-    assert (errors["q_error"] > 0.0).all() and errors["q_error"].max() < 0.03
-
-
 def test_all_tables_are_written_and_read(other_runs, tmp_path):
     files = write_tables(other_runs, tmp_path / "tables")
     assert all(file.stat().st_size > 0 for file in files)
