@@ -8,7 +8,7 @@ import pytest
 
 import labkit
 from analysis.speed_error.lammps import shear_in_lammps
-from benchmarks.lammps import size_classes, steps_per_second
+from benchmarks.lammps import size_classes
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
@@ -70,12 +70,6 @@ def test_strength_and_pressure_agree_with_the_spring_dashpot_law(specimen, beta,
 
 
 @needs_lammps
-def test_rolling_resistance_carries_a_third_of_the_strength(specimen):
-    (_, ratio), (_, without) = (invariants(sheared(specimen, 0.2, mu_r)[1].stress) for mu_r in (0.1, 0.0))
-    assert without[-1] < 0.8 * ratio[-1]
-
-
-@needs_lammps
 def test_a_settled_specimen_keeps_its_pressure_within_three_per_cent(specimen):
     found = shear_in_lammps(LAMMPS, specimen, 1e4, 1e-3, 1)
     (p, ratio), (before, _) = invariants(found.stress), invariants(FusedEngine(specimen).stress()[None])
@@ -101,11 +95,6 @@ def test_what_lammps_cannot_do_is_refused(specimen):
         shear_in_lammps(LAMMPS, specimen, RATE, STRAIN, 0)
     with pytest.raises(PhysicsError, match="exit status"):
         shear_in_lammps(shutil.which("false"), specimen, RATE, STRAIN, RECORDS)
-
-
-@needs_lammps
-def test_the_bench_runs_the_same_input(specimen):
-    assert steps_per_second(LAMMPS, specimen, 10.0 * np.array([0.5, 0.5, -1.0]), 50) > 0.0
 
 
 def test_every_grain_is_near_the_middle_of_its_class():

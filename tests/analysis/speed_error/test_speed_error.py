@@ -137,12 +137,6 @@ def test_past_the_limit_the_balance_shows_it_and_below_it_does_not(study):
     assert float(data["time_step_over_limit"].sel(level="1.2").min()) > 1.0
 
 
-def test_both_engines_begin_alike(study):
-    data = xarray.open_dataset(study[0] / "out" / "study.nc").swap_dims(case="level")
-    value = data["value"].sel(observable="ratio_1").isel(replicate=0)
-    assert float(value.sel(level="yade")) == pytest.approx(float(value.sel(level="fused")), rel=1e-6)
-
-
 def test_the_page_has_all_sections_and_every_figure_that_it_shows(study):
     page = (study[0] / "out" / "README.md").read_text()
     for title in (
