@@ -294,8 +294,3 @@ def test_names_use_the_words_of_the_glossary():
     names = [(name_of(file), getattr(node, "id", getattr(node, "arg", None))) for file, node in nodes]
     names += [(name_of(file), getattr(node, "name", getattr(node, "attr", None))) for file, node in nodes]
     assert len(rows) > 10 and {(file, name) for file, name in names if name and others & {*name.split("_")}} == set()
-
-
-def test_labkit_names_what_it_lacks():
-    with pytest.raises(AttributeError, match="no attribute 'missing_name'"):
-        _ = labkit.missing_name

@@ -16,7 +16,7 @@ import labkit as lk
 from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import in_child
 from analysis.fuzz.command import Log, Search, add_options, main
-from analysis.fuzz.damage import CAMPAIGN, damaged, damaged_campaigns
+from analysis.fuzz.damage import damaged
 from labkit.process.interruption import end_on_signals
 from tests.conftest import PATIENCE
 
@@ -99,13 +99,6 @@ def test_a_wrong_outcome_is_shrunk_kept_and_tried_first_the_next_time(tmp_path, 
     (kept,) = tmp_path.glob("planted-*")
     assert max(kept.read_bytes()) == 201 and f"planted: OTHER NUMBERS; kept in {kept}" in capsys.readouterr().out
     assert search.run(1, 2, tmp_path) == {"OTHER NUMBERS": 1}
-
-
-def test_inputs_without_a_wrong_outcome_leave_nothing(tmp_path):
-    counts = Search("text", damaged_campaigns(), lambda made: "same" if made != CAMPAIGN else "wrong").run(
-        30, 1, tmp_path
-    )
-    assert counts == {"same": 30} and list(tmp_path.iterdir()) == []
 
 
 def test_a_signal_to_a_job_that_is_starting_ends_the_job_alone(tmp_path):

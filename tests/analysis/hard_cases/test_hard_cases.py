@@ -189,15 +189,6 @@ def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):
     assert {p.name for p in (tmp_path / "out").iterdir() if p.suffix != ".json"} == {"README.md", "hard_cases.csv"}
 
 
-def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
-    words = "specimen", "--engine", "fused"
-    for void_ratio, outside in ((0.3, True), (0.67, False)):
-        file = tmp_path / f"e{void_ratio}.state.nc"
-        assert main([*words, f"--void-ratio={void_ratio}", f"--grains={GRAINS}", "-o", str(file)]) == 0
-        said = capsys.readouterr().out
-        assert (" of 2 %" in said) == outside == (" of 3 MPa" in said)
-
-
 def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(tmp_path):
     """The elastic energy of another program's grains, listed without contacts, counts before the first step."""
     scene = Scene()
