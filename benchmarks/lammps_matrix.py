@@ -4,7 +4,7 @@
     python -m benchmarks.lammps_matrix s.state.nc 5.csv --laws jkr --paths cp --steps 30000 --other s2.state.nc
 
 A row has the largest differences of q/p, the coordination number and the void ratio from `fused` in all records,
-relative to their largest values. The row `bit` is fused itself, with another last bit of one coordinate of one grain:
+relative to their largest values. The row `bit 0` is fused itself, with another last bit of one coordinate of grain 0:
 the growth of rounding. The row `other` is fused with another specimen: the scatter of specimens.
 """
 
@@ -27,10 +27,10 @@ from labkit.paths.path import Path as StrainPath
 RECORDS = 10
 
 
-def with_another_bit(state: State) -> State:
+def with_another_bit(state: State, grain: int) -> State:
     """Return a state with one coordinate of one grain changed by its last bit."""
     position = state.position.copy()
-    position[0, 0] = np.nextafter(position[0, 0], np.inf)
+    position[grain, 0] = np.nextafter(position[grain, 0], np.inf)
     return state.replace(position=position)
 
 
@@ -55,6 +55,7 @@ def main() -> None:
     parser.add_argument("specimen")
     parser.add_argument("table", type=Path)
     parser.add_argument("--ranks", nargs="+", type=int, default=[2, 1, 4])
+    parser.add_argument("--bits", nargs="+", type=int, default=[0], help="grains that get another bit, one at a time")
     parser.add_argument("--steps", type=int, default=3000, help="time steps of a run")
     parser.add_argument("--laws", nargs="+", default=list(LAWS))
     parser.add_argument("--paths", nargs="+", default=list(PATHS))
@@ -68,7 +69,9 @@ def main() -> None:
         for law in asked.laws:
             state = shaken(under(law, specimen), seed=1)
             for name in asked.paths:
-                runs: dict[str, tuple[State, Device]] = {"bit": (with_another_bit(state), lk.Fused())}
+                runs: dict[str, tuple[State, Device]] = {
+                    f"bit {grain}": (with_another_bit(state, grain), lk.Fused()) for grain in asked.bits
+                }
                 runs |= {str(ranks): (state, Device("lammps", ranks=ranks)) for ranks in asked.ranks}
                 if asked.other:
                     runs["other"] = shaken(under(law, lk.read_state(asked.other)), seed=1), lk.Fused()
