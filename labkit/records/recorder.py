@@ -28,13 +28,12 @@ from labkit.files.schema import BY_VOLUME, ECCENTRICITY, LOSSES, Variable
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
 from labkit.micro.snapshot import Snapshot
-from labkit.paths.ending import Endings, endings_of
+from labkit.paths.ending import endings_of
 from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.process.interruption import only_writer, require_owner
 from labkit.quantities.recorded import record_table
-from labkit.records.checkpoint import Checkpoint, Position, differences, position_of, ratcheting_of, write_checkpoint
-from labkit.records.ratcheting import Ratcheting
+from labkit.records.checkpoint import Checkpoint, differences, position_of, ratcheting_of, write_checkpoint
 from labkit.records.recordings import Recordings, append_records, create_run
 
 if TYPE_CHECKING:
@@ -90,17 +89,12 @@ MARGIN = 900_000  # bytes by which a file may exceed its data: partly filled chu
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
+    """A run in a file: its checkpoint, its first and its last record."""
 
-    state: State
-    first: dict[str, np.ndarray]  # the first record
-    last: dict[str, np.ndarray]  # the last record
-    wall_time: float
-    complete: bool
-    position: Position
-    endings: Endings
-    ratcheting: Ratcheting
-    about_zero: bool = False  # True if a version began it whose cycles were about zero from any state
+    point: Checkpoint
+    first: dict[str, np.ndarray]
+    last: dict[str, np.ndarray]
+    about_zero: bool  # True if a version began it whose cycles were about zero from any state
 
 
 class Recorder:
@@ -312,6 +306,7 @@ class Recorder:
             state = state_in_run(file, dataset)
             self._require_plausible(file, state, dataset)
             endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
-            ratcheting, complete = ratcheting_of(checkpoint, self.records), bool(dataset.complete)
-            seconds, about_zero = float(dataset.wall_time), not hasattr(dataset, "endings")
-            return StoredRun(state, first, last, seconds, complete, position, endings, ratcheting, about_zero)
+            ratcheting = ratcheting_of(checkpoint, self.records)
+            is_complete, seconds = bool(dataset.complete), float(dataset.wall_time)
+            point = Checkpoint(state, is_complete, seconds, 1, position, endings, ratcheting)
+            return StoredRun(point, first, last, about_zero=not hasattr(dataset, "endings"))

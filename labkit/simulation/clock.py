@@ -18,9 +18,7 @@ from labkit.files.schema import Variable
 from labkit.grains.scene import Scene
 from labkit.parameters import parameters_of
 from labkit.paths.path import Path
-from labkit.paths.rates import rate_of
-from labkit.paths.step import Here, Step
-from labkit.records.limits import LEAST, MOST, inertial_number_of
+from labkit.records.limits import LEAST, MOST, expected_inertial_number
 from labkit.records.schedule import Options, Schedule
 
 
@@ -97,33 +95,11 @@ ACCUMULATED = {
 }  # recorded, because it is not proportional to the time
 
 
-def pace(
-    number: float,
-    step: Step,
-    rate: float,
-    before: float,
-    accumulated: float,
-    diameter: float,
-    density: float,
-    pressure: float,
-) -> float:
-    """Return the pace at which the inertial number is `number` in a step of a path.
+def pace(number: float, expected: float) -> float:
+    """Return the pace at which the inertial number is `number`, if `expected` is that at a pace of 1.
 
     The pace is limited to 0.1 to 10. It is 1 while all strain rates are zero or set by the servo.
-
-    Args:
-        number: Inertial number.
-        step: The step.
-        rate: Rate of the path, 1/s.
-        before: Pace so far.
-        accumulated: Accumulated strain.
-        diameter: Mean diameter, m.
-        density: Density of the grains, kg/m3.
-        pressure: Mean stress, Pa.
     """
-    if pressure <= 0.0:
-        return LEAST
-    expected = inertial_number_of(step, before * rate, accumulated, diameter, density, pressure) / before
     return float(np.clip(number / expected, LEAST, MOST)) if expected > 0.0 else 1.0
 
 
@@ -137,8 +113,7 @@ def expected_pace(path: Path, options: Options, scene: Scene, pressure: float) -
     """Return the pace at the start of a path with an axial rate, at a mean stress of `pressure`, Pa."""
     if options.inertial_number is None:
         return 1.0
-    first = next(iter(path.steps_from(Here())))
-    return pace(options.inertial_number, first, rate_of(path), 1.0, 0.0, scene.mean_diameter, scene.density, pressure)
+    return pace(options.inertial_number, expected_inertial_number(path, scene, pressure))
 
 
 def require_one_rate(path: Path, options: Options) -> None:

@@ -15,7 +15,7 @@ from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio
-from labkit.paths.ending import Cause, Ending, Endings
+from labkit.paths.ending import Cause, Ending
 from labkit.paths.facts import facts_of
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
@@ -26,7 +26,8 @@ from labkit.quantities.conditions import Condition, condition
 from labkit.records.checkpoint import Checkpoint, Position
 from labkit.records.energy import require_balanced
 from labkit.records.instant import Instant
-from labkit.records.ratcheting import Ratcheting, ratcheting_power
+from labkit.records.limits import inertial_number_of
+from labkit.records.ratcheting import ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.results.endings import require_false_at_start, require_sane, too_thin, unfinished_error
@@ -69,13 +70,12 @@ class Grains(Material):
         self.progress, self.threads = progress, device.cores
         self.stopping = Stopping(signals, path, recorder, self.tell)
         self.cell = stored.first["cell"] if stored else state.cell
-        self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
-        self.position = stored.position if stored else Position()
-        self.ratcheting = stored.ratcheting if stored else Ratcheting()
-        self.endings = stored.endings if stored else Endings()
+        point = stored.point if stored else Checkpoint(state, False, 0.0)
+        self.began, self.spent = time.monotonic(), point.wall_time
+        self.position, self.ratcheting, self.endings = point.position, point.ratcheting, point.endings
         self.last = stored.last if stored else {}
         self.facts = facts_of(path)
-        self.at_start = stored.state if stored else state
+        self.at_start = point.state
         recorder.undrained_before = () if stored else state.undrained_stress
         if any(self.at_start.undrained_stress):
             start = np.reshape(self.at_start.undrained_stress, (3, 3))
@@ -157,11 +157,12 @@ class Grains(Material):
 
     def wanted_pace(self) -> float:
         """Return the pace at which the inertial number equals the option `inertial_number`; 1 without this option."""
-        number, state = self.options.inertial_number, self.instant.state
+        number, state, before = self.options.inertial_number, self.instant.state, self.clock.pace
         if number is None:
             return 1.0
         grains = 2.0 * float(state.body_radius.mean()), state.scene.density, float(mean_stress(self.instant.stress))
-        return pace(number, self.step, rate_of(self.path), self.clock.pace, self.accumulated_strain, *grains)
+        expected = inertial_number_of(self.step, before * rate_of(self.path), self.accumulated_strain, *grains)
+        return pace(number, expected / before)
 
     def examine(self) -> Needs:
         """Read the state at a stop from the engine."""
@@ -291,10 +292,8 @@ class Grains(Material):
 
     def checkpoint(self, state: State, complete: bool) -> Checkpoint:
         """Return the Checkpoint of a State of this run."""
-        seconds, position = (
-            self.spent + max(0.0, time.monotonic() - self.began),  # a restored virtual machine sets its clock back
-            dataclasses.replace(self.position, skipped=self.clock.skipped),
-        )
+        seconds = self.spent + time.monotonic() - self.began
+        position = dataclasses.replace(self.position, skipped=self.clock.skipped)
         start = self.facts.reference
         state = state.replace(undrained_stress=() if start is None else tuple(np.ravel(start).tolist()))
         return Checkpoint(state, complete, seconds, self.threads, position, self.endings, self.ratcheting.copy())

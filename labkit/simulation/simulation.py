@@ -12,7 +12,7 @@ from pathlib import Path as File
 
 import numpy as np
 
-from labkit.engines.base import Progress, Request, silent
+from labkit.engines.base import Progress, Request
 from labkit.engines.device import Device
 from labkit.engines.kernel.sources import code_of_law
 from labkit.errors import ProgramError
@@ -23,8 +23,9 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.cycles import ISOTROPIC
 from labkit.paths.facts import facts_of, require_meaning
 from labkit.paths.path import Path
+from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
-from labkit.process.interruption import Signals, stop_on_signals
+from labkit.process.interruption import stop_on_signals
 from labkit.quantities.conditions import condition
 from labkit.records.checkpoint import CODE_OF_LAW
 from labkit.records.energy import open_ledger
@@ -36,7 +37,7 @@ from labkit.servo.reach import ERROR, errors, require_way
 from labkit.simulation.clock import ACCUMULATED
 from labkit.simulation.grains import Grains
 from labkit.simulation.stopping import contents
-from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
+from labkit.specimens.consolidation import approach, interim_of, stress_error
 from labkit.specimens.ready import ready
 from labkit.specimens.recipe import Recipe
 
@@ -103,14 +104,13 @@ def simulation(
     path: Path,
     output: File | RunInMemory,
     device: Device,
-    options: Options | None = None,
-    progress: Progress = silent,
+    options: Options,
+    progress: Progress,
 ) -> Generator[Request, object, bool]:
     """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `device` gives.
 
     The rate of the path is resolved (labkit.paths.rates.on_grains). `output` is the file, or keeps the run in memory.
     """
-    options = options or Options()
     require_meaning(path, facts_of(path), condition(options.stop_when) if options.stop_when else None)
     settings = {
         "record_strain": options.record_strain or path.record_strain,
@@ -127,13 +127,24 @@ def simulation(
     try:
         with stop_on_signals() as signals, recorder:
             stored = recorder.resume()
-            if stored and stored.complete:
+            if stored and stored.point.complete:
                 return False
-            if stored and stored.endings.reason:
-                raise unfinished_error(stored.endings.reason, output)
+            if stored and stored.point.endings.reason:
+                raise unfinished_error(stored.point.endings.reason, output)
             if not stored:
                 interim = None if isinstance(output, RunInMemory) else interim_of(output)
-                specimen = yield from prepare(specimen, path, device, progress, options.guarded, interim, signals)
+                if goes_on(path, specimen):  # its state stays in motion
+                    specimen = yield from ready(specimen, options.guarded)
+                else:
+                    specimen = yield from ready(specimen.at_rest(), options.guarded)
+                    pressure, cell = path.start_pressure(), Recipe.cell_of(specimen)
+                    target = None if pressure is None else Consolidation(pressure=pressure, cell=cell)
+                    if target is not None and stress_error(specimen.snapshot(), target.control()) > CONSOLIDATED:
+                        guarded, report = options.guarded, lambda done, text: progress(0.0, text)
+                        specimen = yield from approach(
+                            specimen, target, device, report, interim, signals, guarded=guarded
+                        )
+                specimen = open_ledger(specimen)
                 require_way(path, love_stress(specimen.snapshot()))
             grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
             yield from grains.run()
@@ -143,30 +154,3 @@ def simulation(
             raise
         content = f"holds {contents(output, path)}" if output.exists() else "does not exist yet"
         raise ProgramError(f"{error}; {output} {content}") from None
-
-
-def prepare(
-    specimen: State,
-    path: Path,
-    device: Device,
-    progress: Progress,
-    guarded: bool,
-    interim: File | None,
-    signals: Signals,
-) -> Generator[Request, object, State]:
-    """Return the specimen at rest at the initial pressure of the path, after consolidation if necessary.
-
-    The state of a run from which the path continues stays unchanged, in motion.
-    """
-    if goes_on(path, specimen):
-        return open_ledger((yield from ready(specimen, guarded)))
-    specimen = yield from ready(specimen.at_rest(), guarded)
-    pressure = path.start_pressure()
-    target = None if pressure is None else path_to(pressure, Recipe.cell_of(specimen))
-    if target is not None and stress_error(specimen.snapshot(), target.control()) > CONSOLIDATED:
-
-        def show(done: float, text: str) -> None:
-            progress(0.0, text)
-
-        specimen = yield from approach(specimen, target, device, show, interim, signals, guarded=guarded)
-    return open_ledger(specimen)

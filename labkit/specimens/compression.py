@@ -20,10 +20,10 @@ from labkit.grains.state import State
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.micro.stress import mean_stress
 from labkit.paths.rates import default_rate
-from labkit.paths.standard import IsotropicCompression
+from labkit.paths.standard import Consolidation, IsotropicCompression
 from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger
-from labkit.specimens.consolidation import bring_to, level_stress, path_to
+from labkit.specimens.consolidation import bring_to, level_stress
 from labkit.specimens.fabric import SIGNS, shear_and_return
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import FIRST, RELEASE_TIME_STEP, SECOND, STEP1, STEP2, insert_grains, release, settle
@@ -55,7 +55,7 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
         if recipe.cell == "free":
             packed = level_stress(packed, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text))
     else:
-        target = path_to(recipe.pressure, recipe.cell)
+        target = Consolidation(pressure=recipe.pressure, cell=recipe.cell)
         soft_state = bring_to(state, target, device, lambda f, text: progress(0.5 + 0.3 * f, text))
         switched = _with_scene(soft_state, scene, device)
         packed = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.1 * f, text))

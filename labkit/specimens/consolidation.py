@@ -34,7 +34,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
-from labkit.paths.standard import Consolidation, Levelling
+from labkit.paths.standard import Levelling
 from labkit.paths.step import Here, Step
 from labkit.process.interruption import Signals, nothing_saved, require_owner, stop_on_signals
 from labkit.process.progress import log_fraction
@@ -50,11 +50,6 @@ STEP_LIMIT = 200_000  # time steps to reach the stress
 REST_LIMIT = 1_000_000  # time steps to come to rest at the stress; specimens without friction need many
 PAUSE = 10.0  # s between two saves of an unfinished consolidation
 SHARE = 0.05  # largest fraction of the time spent on saving
-
-
-def path_to(pressure: float, cell: str) -> Consolidation:
-    """Return the path to an isotropic stress, Pa; `cell` is "free" or "fixed"."""
-    return Consolidation(pressure=float(pressure), cell=cell)
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:

@@ -12,13 +12,13 @@ from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.paths.standard import Levelling
+from labkit.paths.standard import Consolidation, Levelling
 from labkit.plugins.campaigns.jobs import Job
 from labkit.process.interruption import Signals
 from labkit.servo.plan import BASIS, TRIANGULAR
 from labkit.simulation.tasks import SpecimenTask
 from labkit.specimens import consolidation
-from labkit.specimens.consolidation import Interim, contact_stress, level_stress, path_to, stress_error
+from labkit.specimens.consolidation import Interim, contact_stress, level_stress, stress_error
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import STEP2, insert_grains, prepare_specimen, relax
 
@@ -163,7 +163,7 @@ def test_levelling_is_possible_and_isochoric():
     control = Levelling().control()
     control.require_possible()
     assert control.isochoric
-    assert not path_to(1e5, "free").control().isochoric
+    assert not Consolidation(pressure=1e5).control().isochoric
 
 
 def test_errors_of_targets_of_zero_are_relative_to_the_mean_stress(kept):
@@ -221,7 +221,7 @@ def test_an_interim_state_is_only_that_of_the_same_law_and_precision(kept, tmp_p
     def interim(share, precision="double"):
         own_law(share)
         scene = lk.Scene(law="of_a_consolidation")
-        state, path = kept.replace(scene=scene, columns={}), path_to(1e5, "free")
+        state, path = kept.replace(scene=scene, columns={}), Consolidation(pressure=1e5)
         return Interim(tmp_path / "i", state, path, Device("fused", precision=precision)), state
 
     stopped = Signals()
