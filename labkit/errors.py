@@ -87,7 +87,12 @@ def nearest(name: object, valid: Iterable[str]) -> str | None:
 
 
 def instead_of(valid: Iterable[str], name: object = None) -> str:
-    """List the valid names after an unknown name, for an error message; the most similar name comes first."""
+    """List the valid names after an unknown name, for an error message; the most similar name comes first.
+
+    A Registry lists its own names, and says how more are loaded.
+    """
+    if worded := getattr(valid, "instead_of", None):
+        return str(worded(name))
     names = tuple(valid)
     close = None if name is None else nearest(name, names)
     return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"

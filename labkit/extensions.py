@@ -120,7 +120,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def instead_of(self, name: object) -> str:
         """List the valid names, the most similar one first, for an error message."""
         meant = self._meant.get(str(name).lower())
-        listed = instead_of(self, name) if meant is None else f"{meant}, or another of {', '.join(self)}"
+        listed = instead_of(tuple(self), name) if meant is None else f"{meant}, or another of {', '.join(self)}"
         return f"{listed}, or load the file that registers it (--use FILE, labkit.use){missing()}"
 
 

@@ -101,7 +101,7 @@ class Parameter:
     def allowed_values(self) -> str:
         """The allowed values in words, for an error message."""
         if self.choices is not None:
-            return self._choices_like(None)
+            return instead_of(self.choices)
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.kind is bool:
             return "true or false"
@@ -175,14 +175,9 @@ class Parameter:
             raise self.error(value, allowed="True or False")
         return value
 
-    def _choices_like(self, value: object) -> str:
-        """List the choices, the most similar one first, for an error message."""
-        worded = getattr(self.choices, "instead_of", None)  # the method of a Registry mentions --use
-        return worded(value) if worded else instead_of(self.choices or (), value)
-
     def _choice(self, value: object) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
-            raise self.error(value, "is unknown", self._choices_like(value), quoted=True)
+            raise self.error(value, "is unknown", instead_of(self.choices or (), value), quoted=True)
         return value
 
     def _number(self, value: Any) -> float:

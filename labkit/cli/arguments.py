@@ -27,7 +27,6 @@ from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Device
 from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
-from labkit.extensions import Registry
 from labkit.files.atomic import target_of
 from labkit.parameters import DECIMAL_COMMA, Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
@@ -258,8 +257,7 @@ def one_of(choices: Collection[str]) -> Callable[[str], str]:
 
     def read(text: str) -> str:
         if text not in choices:
-            allowed = choices.instead_of(text) if isinstance(choices, Registry) else instead_of(choices, text)
-            raise argparse.ArgumentTypeError(f"{text!r} is unknown: give {allowed}")
+            raise argparse.ArgumentTypeError(f"{text!r} is unknown: give {instead_of(choices, text)}")
         return text
 
     return read

@@ -8,9 +8,8 @@ import itertools
 import os
 import shlex
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
@@ -28,7 +27,6 @@ EPILOG = """\
 `labkit COMMAND --help` explains a command and gives an example.
 
 exit codes: 0 done; 1 the simulation or a check failed; 2 invalid input; 130 or 143 stopped by a signal"""
-LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")  # Numba's threading layers
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -94,11 +92,14 @@ def _run_and_report(work: Callable[[], int]) -> int:
 
 def _call(argv: list[str]) -> int:
     """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
-    require_environment(os.environ)
-    for file in files_to_use(argv):
-        extensions.use(file)
+    separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
+    for file in separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]:
+        extensions.use(file)  # first, because the options of a command may depend on it
     if not argv or argv[0].startswith("-"):
-        _overview().read(argv)
+        parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
+        parser.add_argument("--version", action="version", version=f"labkit {__version__}")
+        parser.epilog = wrap(f"{name_list('command', summaries())}\n\n{EPILOG}")
+        parser.read(argv)
         raise InputError("COMMAND is missing: give one (see labkit --help)")
     function, arguments = parse(argv)
     return function(**arguments) or 0
@@ -135,31 +136,3 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
     parser.epilog = wrap("\n\n".join(text for text in (lists, command.examples) if text))
     parser.shorten_usage()
     return parser
-
-
-def _overview() -> Parser:
-    """Return the parser of `labkit` without a command, which prints the general help."""
-    parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
-    parser.add_argument("--version", action="version", version=f"labkit {__version__}")
-    parser.epilog = wrap(f"{name_list('command', summaries())}\n\n{EPILOG}")
-    return parser
-
-
-def require_environment(variables: Mapping[str, str]) -> None:
-    """Raise InputError if an environment variable or the clock has a value with which Numba or Python cannot start."""
-    try:
-        time.time()
-    except OverflowError:
-        raise InputError("the clock of this computer is not between the years 1678 and 2262: set it") from None
-    threads, layer = variables.get("NUMBA_NUM_THREADS"), variables.get("NUMBA_THREADING_LAYER")
-    if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
-        raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")
-    if layer is not None and layer not in LAYERS:
-        allowed = ", ".join(LAYERS)
-        raise InputError(f"the environment variable NUMBA_THREADING_LAYER is {layer!r}: give {allowed}, or unset it")
-
-
-def files_to_use(argv: list[str]) -> list[str]:
-    """Return the files named with --use; they are loaded first because the options of a command may depend on them."""
-    separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
-    return separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]

@@ -37,7 +37,10 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     """
     require_file_name(path, "labkit.open_run('r.run.nc')")
     with open_netcdf(path, "run", verify) as dataset:
-        _require_scene(path, dataset.scene)
+        try:
+            Scene.from_json(dataset.scene)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
     with LIBRARY, name_damage(path):
         file = _file(path)
         run = _join(
@@ -147,13 +150,6 @@ def _join(parts: Sequence[xr.Dataset]) -> xr.Dataset:
             shape = [run.sizes[dimension] for dimension in variable.dimensions]
             run[variable.name] = (variable.dimensions, np.full(shape, np.nan), variable.attributes)
     return with_axes(run.set_coords(["time", "axial_strain"]))
-
-
-def _require_scene(path: str | os.PathLike, text: str) -> None:
-    try:
-        Scene.from_json(text)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def dataset_of_state(state: State) -> xr.Dataset:

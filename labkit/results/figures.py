@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, Literal, ParamSpec
 
 from labkit.errors import InputError
@@ -17,7 +17,6 @@ from labkit.extensions import Registry, require_function
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
     from matplotlib.figure import Figure
 
     from labkit.paths.path import Path
@@ -54,7 +53,8 @@ class RunFigure(Generic[Arguments]):
         options: dict[str, Any] = dict(named)
         data: Any = arguments[0]
         if self.needs != "probes" and (step := options.pop("step", None)) is not None:
-            data = _select_step(data, step)
+            of_one = hasattr(data, "lab")
+            data = data.lab.step(step) if of_one else {name: run.lab.step(step) for name, run in data.items()}
         for option, value in options.items():
             if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
@@ -65,18 +65,6 @@ class RunFigure(Generic[Arguments]):
             data.lab.require_snapshots([options.get("snapshot", -1)], ", or draw the figure shares")
         draw: Any = self.function
         return draw(data, *arguments[1:], **options)
-
-
-def _select_step(
-    data: xarray.Dataset | Mapping[str, xarray.Dataset], step: int | str
-) -> xarray.Dataset | dict[str, xarray.Dataset]:
-    """Return the records of a step of a run, or of each of several runs, name -> run."""
-    from xarray import Dataset
-
-    if isinstance(data, Dataset):
-        selected: Dataset = data.lab.step(step)
-        return selected
-    return {name: run.lab.step(step) for name, run in data.items()}
 
 
 FIGURES = Registry[RunFigure[...]](

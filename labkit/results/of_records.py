@@ -17,7 +17,7 @@ from labkit.paths.path import Path
 from labkit.paths.registry import path_of
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.recorded import quantity
-from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts, Quantity, dilation_angle
+from labkit.quantities.scalars import ALIASES, QUANTITIES, WINDOW, Facts, Quantity, dilation_angle
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.results import undrained
 from labkit.results.endings import LABORATORY, path_and_origin
@@ -64,23 +64,13 @@ class OfRecords(Accessor):
         facts = facts_of(self.path, self.strain_measure, self.undrained_stress)
         return dataclasses.replace(facts, run=f"this run of {self._run.attrs['path']}")
 
-    def _facts_for(self, row: Quantity, total: str | None = None) -> Facts:
-        """Return the facts of the run that a quantity needs.
-
-        Args:
-            row: The quantity.
-            total: Component of the total stress that is constant, `mean`, `axial` or `radial` (default: `total`).
-        """
+    def _facts_for(self, row: Quantity) -> Facts:
+        """Return the facts of the run that a quantity needs."""
         facts = self._facts
         if row.undrained:
             reference = self._reference
-            is_measured = total is None and "measured_pore_pressure" in self._run
-            total = total or self.total
-            if total not in TOTAL:
-                allowed = f"one of {', '.join(TOTAL)}"
-                raise InputError("is unknown", field="total", value=total, allowed=allowed, quoted=True)
-            facts = dataclasses.replace(facts, undrained=reference is not None, reference=reference, total=total)
-            if is_measured:
+            facts = dataclasses.replace(facts, undrained=reference is not None, reference=reference, total=self.total)
+            if "measured_pore_pressure" in self._run:
                 facts = dataclasses.replace(facts, measured=self._run["measured_pore_pressure"].values)
         if row.cyclic and facts.cycles is None and len(self._reversals):
             counts = functools.partial(number_of_cycles, self.path, self.strain_measure)
@@ -106,7 +96,7 @@ class OfRecords(Accessor):
         return self.strain_measure.reversals(self._run["strain"].values)
 
     @for_each_run
-    def quantity(self, name: str, stress: str = "stress", total: str | None = None) -> xr.DataArray:
+    def quantity(self, name: str, stress: str = "stress") -> xr.DataArray:
         """Return a scalar of the records by name, DataArray (time): the names are those of conditions, e.g. `q/p > 1`.
 
         Raises InputError for an unknown name, and for a quantity that has no meaning for this run, such as the pore
@@ -115,10 +105,9 @@ class OfRecords(Accessor):
         Args:
             name: A name in labkit.quantities.QUANTITIES, a recorded scalar, or a component such as `stress_xz`.
             stress: Recorded stress from which the quantity is computed, `stress` or `stress_sff`.
-            total: Component of the total stress that is constant, for pore pressures (see `pore_pressure`).
         """
         row = quantity(name)
-        facts = self._facts_for(row, total)
+        facts = self._facts_for(row)
         row.require_meaning(facts)
         if missing := [needed for needed in row.needs if needed not in self._run.variables]:
             problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run.attrs)} did not record"
@@ -222,14 +211,14 @@ class OfRecords(Accessor):
             total: Component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
                 constant cell pressure). Without it: the measured pore pressure, or `radial` if measured, or `mean`.
         """
-        return self.quantity("pore_pressure", total=total)
+        return self.quantity("pore_pressure" if total is None else f"pore_pressure_{total}")
 
     def pore_pressure_ratio(self, total: str | None = None) -> xr.DataArray:
         """Return r_u = u/sigma'_0 of undrained loading, DataArray (time), by default with sigma'_0 = p_0.
 
         sigma'_0 is the effective stress at the start of undrained loading; see `pore_pressure`.
         """
-        return self.quantity("r_u", total=total)
+        return self.quantity("r_u" if total is None else f"r_u_{total}")
 
     @functools.cached_property
     def _reference(self) -> np.ndarray | None:

@@ -19,7 +19,6 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
-from labkit.paths.path import Held
 from labkit.paths.registry import path_of
 from labkit.quantities.recorded import recorded_statistics
 from labkit.records import limits
@@ -148,7 +147,10 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
 def _check_equations(run: xarray.Dataset) -> Iterator[Finding]:
     """Judge the equation by volume at the records, or at the snapshots of an older file; report C0 beside it."""
     pressed = run.lab.mean_stress().values > SFF_PRESSURE
-    by_volume = run if BY_VOLUME in run else _with_equation_by_volume(run)
+    by_volume = run
+    if BY_VOLUME not in run:
+        stress = (("time", "i", "j"), run.lab.sff_stress_by_volume().values)
+        by_volume = run.isel(time=run.lab.snapshot_records()).assign({BY_VOLUME: stress})
     judged = by_volume.lab.mean_stress().values > SFF_PRESSURE
     if judged.any():
         worst = float(by_volume.lab.sff_error(BY_VOLUME).values[judged].max())
@@ -168,12 +170,6 @@ def _check_equations(run: xarray.Dataset) -> Iterator[Finding]:
     if np.isfinite(error).any():
         yield Finding("C0 as printed: largest error, norm", float(error.max()), shown_in="%")
         yield from _errors_of(run, pressed, PRINTED, "C0", tuple(SFF_NAMES))
-
-
-def _with_equation_by_volume(run: xarray.Dataset) -> xarray.Dataset:
-    """Return the records with snapshots and the equation by volume, computed from their contacts."""
-    stress = run.lab.sff_stress_by_volume().values
-    return run.isel(time=run.lab.snapshot_records()).assign({BY_VOLUME: (("time", "i", "j"), stress)})
 
 
 def _errors_of(
@@ -221,8 +217,8 @@ def _check_held(run: xarray.Dataset) -> Iterator[Finding]:
         if condition.kind == "volume":
             volume = run["volume"].values
             yield _below(f"held: {condition.name}, drift", np.abs(volume / volume[0] - 1.0).max(), VOLUME_TOLERANCE)
-        elif condition.kind == "strain":
-            strains = _combinations(run["strain"], condition)
+        elif condition.kind == "strain" and condition.measure is not None:
+            strains = to_six(symmetric(run["strain"].values)) @ np.transpose(condition.measure)
             yield _below(f"held: {condition.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
     for name, error in limits.held_errors(path, run.lab.scene, run.lab.records_with_limits()):
         judged = error[np.isfinite(error)]
@@ -231,12 +227,6 @@ def _check_held(run: xarray.Dataset) -> Iterator[Finding]:
         else:
             yield _below(f"{name}, error RMS", np.sqrt(np.mean(judged**2)), limits.HELD_RMS, "%")
             yield _below(f"{name}, largest error", np.abs(judged).max(), limits.HELD_WORST, "%")
-
-
-def _combinations(tensor: xarray.DataArray, condition: Held) -> np.ndarray:
-    """Return the combinations of components that a path holds, shape (time, k)."""
-    assert condition.measure is not None, condition
-    return to_six(symmetric(tensor.values)) @ np.transpose(condition.measure)
 
 
 def _below(name: str, value: float, limit: float, shown_in: str = "", decides: bool = True) -> Finding:

@@ -181,8 +181,7 @@ class Recipe:
     def made_at(cls, text: str) -> float | None:
         """Return the nominal void ratio to which the recipe in JSON text leads; None if it does not say one."""
         recipe = cls.from_json(text)
-        aims = recipe is not None and recipe.pressure is None
-        return recipe.void_ratio if recipe is not None and aims else None
+        return None if recipe is None or recipe.pressure is not None else recipe.void_ratio
 
     @classmethod
     def from_json(cls, text: str) -> Recipe | None:

@@ -35,8 +35,9 @@ def curve(run: Run, quantity: str, at: np.ndarray, total: str | None = None) -> 
     if quantity not in CURVES:
         raise InputError(field="quantity", value=quantity, allowed=f"one of {', '.join(CURVES)}")
     x, forward, sign = _along(run)
-    total = None if "measured_pore_pressure" in run.data else total
-    y = run.data.lab.quantity(quantity, total=total).values[forward]
+    if quantity == "r_u" and total is not None and "measured_pore_pressure" not in run.data:
+        quantity = f"r_u_{total}"
+    y = run.data.lab.quantity(quantity).values[forward]
     return np.interp(at * sign, sign * x, y, left=np.nan, right=np.nan)
 
 
