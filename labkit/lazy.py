@@ -39,7 +39,7 @@ def exports(file: Path) -> dict[str, tuple[str, str]]:
     """Return the names that an `__init__.py` imports under `if TYPE_CHECKING:`, name -> (module, name there).
 
     The type checker and the package thus share one list. The list may contain `from labkit.grains.scene import Scene as
-    Scene`, `from labkit import paths as paths` for a submodule, and `new = old` for a second name.
+    Scene`, and `from labkit import paths as paths` for a submodule.
     """
     places: dict[str, tuple[str, str]] = {}
     for block in ast.parse(file.read_text()).body:
@@ -47,6 +47,4 @@ def exports(file: Path) -> dict[str, tuple[str, str]]:
             for node in block.body:
                 if isinstance(node, ast.ImportFrom):
                     places |= {alias.asname or alias.name: (node.module or "", alias.name) for alias in node.names}
-                elif isinstance(node, ast.Assign):
-                    places[ast.unparse(node.targets[0])] = places[ast.unparse(node.value)]
     return places

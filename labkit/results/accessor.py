@@ -228,19 +228,20 @@ class Lab(OfRecords):
         """Return the stress by the equation by volume from the contacts, DataArray (snapshot, i, j), Pa."""
         return self._stress_of(sff_stress_by_volume, "stress according to the equation by volume from the contacts")
 
-    def _stress_of(self, function: Callable[[Snapshot], np.ndarray], long_name: str) -> xr.DataArray:
+    def _stress_of(
+        self, function: Callable[[Snapshot], np.ndarray], long_name: str, **along: Sequence[str]
+    ) -> xr.DataArray:
+        """Return a stress of every snapshot; `along` is the dimension of several of them, with its labels."""
         attributes = {"stress": {"units": "Pa", "long_name": long_name}}
-        return self.over_snapshots(lambda snapshot: {"stress": function(snapshot)}, attributes)["stress"].rename(None)
+        stresses = self.over_snapshots(lambda s: {"stress": ((*along, "i", "j"), function(s))}, attributes, along)
+        return stresses["stress"].rename(None)
 
     def sff_family(self, forms: Sequence[str] = tuple(FORMS)) -> xr.DataArray:
         """Return the stress according to each of labkit.sff.family.FORMS, DataArray (snapshot, form, i, j), Pa."""
-
-        def stresses(snapshot: Snapshot) -> dict[str, object]:
-            values = [stress(form, snapshot) for form in forms]
-            return {"stress": (("form", "i", "j"), np.reshape(values, (-1, 3, 3)))}
-
-        name = {"units": "Pa", "long_name": "stress according to a stress-force-fabric relationship"}
-        return self.over_snapshots(stresses, {"stress": name}, {"form": list(forms)})["stress"].rename(None)
+        long_name = "stress according to a stress-force-fabric relationship"
+        return self._stress_of(
+            lambda s: np.reshape([stress(form, s) for form in forms], (-1, 3, 3)), long_name, form=list(forms)
+        )
 
     def error_budget(self, e: str = "nominal", with_lambda: bool = True) -> xr.DataArray:
         """Return the contributions to C0 - Love, which add up to it, DataArray (snapshot, part, i, j), Pa.
@@ -248,12 +249,11 @@ class Lab(OfRecords):
         The arguments are the same as for labkit.sff.budget.error_budget.
         """
 
-        def errors(snapshot: Snapshot) -> dict[str, object]:
+        def errors(snapshot: Snapshot) -> np.ndarray:
             parts = error_budget(snapshot, e, with_lambda)
-            return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}
+            return np.array([parts[name] for name in PARTS])
 
-        name = {"units": "Pa", "long_name": "part of C0 - Love"}
-        return self.over_snapshots(errors, {"error": name}, {"part": list(PARTS)})["error"].rename(None)
+        return self._stress_of(errors, "part of C0 - Love", part=list(PARTS))
 
     def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
         """Return stresses by grain size (Eqs. 13-18): the fields of GroupStresses along `snapshot` and `group`.

@@ -75,26 +75,19 @@ def run_many(
         guarded: As in labkit.Options.
     """
     options = Options(record_strain, snapshots, save_every, stop_when, inertial_number, servo, guarded)
-    tasks = _tasks(tests, folder, device_of(engine), options)
+    pairs, device = list(tests) if isinstance(tests, Iterable) else [tests], device_of(engine)
+    if not all(isinstance(pair, Sequence) and len(pair) == 2 for pair in pairs):
+        raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
+    tasks = list[RunTask]()
+    for number, (state, path) in enumerate(pairs):
+        file = None if folder is None else str(File(folder) / f"{number}.run.nc")
+        tasks.append(RunTask(state=state, path=path, device=device, output=file, options=options))
     warn(*(task.warning for task in tasks))
     show, outcomes = progress_function(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
         outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))
         show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")
     return outcomes
-
-
-def _tasks(
-    tests: Iterable[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
-) -> list[RunTask]:
-    """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
-    tasks, pairs = [], list(tests) if isinstance(tests, Iterable) else [tests]
-    if not all(isinstance(pair, Sequence) and len(pair) == 2 for pair in pairs):
-        raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
-    for number, (state, path) in enumerate(pairs):
-        file = None if folder is None else str(File(folder) / f"{number}.run.nc")
-        tasks.append(RunTask(state=state, path=path, device=device, output=file, options=options))
-    return tasks
 
 
 def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[str]:

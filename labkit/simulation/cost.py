@@ -10,10 +10,8 @@ import functools
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.engines.fused import was_compiled
-from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import mean_stress
@@ -22,7 +20,7 @@ from labkit.paths.rates import on_grains
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
 from labkit.simulation.clock import expected_pace
-from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
+from labkit.simulation.tasks import AnyTask, ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.fabric import SIGNS
 from labkit.specimens.recipe import Recipe
 
@@ -135,7 +133,7 @@ def schedule_of(path: Path, scene: Scene, grains: int, options: Options) -> Sche
     return Schedule.of(path, scene.time_step, grains, options)
 
 
-def announcement(task: Task[object], steps_done: int = 0) -> str:
+def announcement(task: AnyTask, steps_done: int = 0) -> str:
     """Announce engine, grains, steps and time of a task in one line; suggests the fused engine if it is much faster.
 
     `steps_done` is the number of completed steps of a run.
@@ -153,27 +151,25 @@ def announcement(task: Task[object], steps_done: int = 0) -> str:
         line += f", about {rough_time(seconds)}"
     if seconds > ENDLESS:
         return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
-    if engine.name == "fused" or seconds < MUCH_FASTER * fused or not supports("fused", task.scene):
+    if engine.name == "fused" or seconds < MUCH_FASTER * fused:
         return line
     return f"{line}; with --engine fused about {rough_time(fused)}"
 
 
-def _contents(task: Task[object], spheres: int) -> str:
+def _contents(task: AnyTask, spheres: int) -> str:
     """Return the number of grains of a task, and of their spheres if they are clumps, as text."""
     if isinstance(task, SpecimenTask):
         grains = task.recipe.expected_grains(task.material)
     else:
-        assert isinstance(task, (ConsolidationTask, RunTask))
         grains = len(task.state.body_radius)
     return f"{grains:,} grains" if grains == spheres else f"{grains:,} clumps of {spheres:,} spheres"
 
 
-def cost_of_task(task: Task[object]) -> Cost:
+def cost_of_task(task: AnyTask) -> Cost:
     """Return the cost of a task."""
     if isinstance(task, SpecimenTask):
         grains = task.recipe.expected_spheres(task.material)
         return cost_of_specimen(task.recipe, task.scene, task.device, grains)
-    assert isinstance(task, (ConsolidationTask, RunTask))
     grains = task.state.number_of_grains
     if isinstance(task, ConsolidationTask):
         return Cost(task.device, grains, CONSOLIDATION_STEPS)
@@ -188,12 +184,3 @@ def rough_time(seconds: float) -> str:
     if seconds > DAYS:
         return f"{seconds / 86400.0:,.0f} days"
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.3g} h"
-
-
-def supports(engine: str, scene: Scene) -> bool:
-    """True if an engine can simulate a scene."""
-    try:
-        ENGINES.require(engine).abilities.require_scene(scene)
-    except InputError:
-        return False
-    return True

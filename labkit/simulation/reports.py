@@ -16,20 +16,20 @@ from labkit.process.progress import reporter
 from labkit.records.limits import exceeded_in
 from labkit.results.endings import how_it_ended, void_ratio_at_start
 from labkit.simulation.cost import announcement
-from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute
+from labkit.simulation.tasks import AnyTask, ConsolidationTask, RunTask, execute
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import specimen_summary
 
 ANISOTROPIC = 0.005  # deviation from an isotropic stress, relative to its pressure, above which a command says so
 
 
-def execute_and_report(task: SpecimenTask | ConsolidationTask | RunTask) -> None:
+def execute_and_report(task: AnyTask) -> None:
     """Execute a task and print the results. Raises InputError, PhysicsError or Interrupted."""
     for line in _report(task):
         print(f"{task.output}: {line}", flush=True)
 
 
-def _report(task: SpecimenTask | ConsolidationTask | RunTask) -> Iterator[str]:
+def _report(task: AnyTask) -> Iterator[str]:
     """Execute a task and yield lines about it."""
     if isinstance(task, RunTask):
         yield from _run(task)
@@ -64,7 +64,7 @@ def _run(task: RunTask) -> Iterator[str]:
     yield from map(str, exceeded_in(file))
 
 
-def announcing(task: Task[object], title: str | None = None) -> Progress:
+def announcing(task: AnyTask, title: str | None = None) -> Progress:
     """Return a progress function that first prints one line to standard error: engine, grains, steps, expected time.
 
     The line appears with the first progress report, so it is not printed if the input is invalid.

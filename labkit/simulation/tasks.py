@@ -12,7 +12,7 @@ import dataclasses
 import json
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeAlias, TypeVar
 
 from labkit.engines.base import Engine, Progress, Request, silent
 from labkit.engines.device import Device
@@ -239,6 +239,9 @@ class RunTask(StateTask[None]):
         state = self.with_origin(self.state)
         output = self.memory if self.output is None else File(self.output)
         return (yield from simulation(state, self.path, output, self.device, self.options, progress))
+
+
+AnyTask: TypeAlias = SpecimenTask | ConsolidationTask | RunTask
 
 
 def require_possible(task: Task[object]) -> type[Engine]:
