@@ -28,12 +28,12 @@ from labkit.engines import ENGINES, Device
 from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.files.atomic import target_of
-from labkit.parameters import DECIMAL_COMMA, Parameter, Values, options_of, parameters_of
+from labkit.parameters import Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.recipe import SETTINGS
 
-STRAIN = Parameter("strain")
+NUMBER, STRAIN = Parameter("number"), Parameter("strain")
 OUTPUTS = ("output", "csv", "json", "figure")  # options that name a file to write
 Value = TypeVar("Value")
 Reader = Callable[[str], object]  # converts text on the command line to a value
@@ -270,22 +270,17 @@ def positive_int(text: str) -> int:
     return int(text)
 
 
-def strain(text: str) -> float:
-    """Convert text to a strain; a number above 1 needs a unit."""
-    try:
-        return float(STRAIN.read(STRAIN.require_unit(text)))
-    except InputError as error:
-        raise argparse.ArgumentTypeError(str(error).removeprefix("strain ")) from None
-
-
-def number(text: str) -> float:
+def number(text: str, parameter: Parameter = NUMBER) -> float:
     """Convert text to a number."""
     try:
-        return float(text)
-    except ValueError:
-        advice = f": write {text.replace(',', '.')}" if DECIMAL_COMMA.fullmatch(text) else ""
-        what = "has a decimal comma" if advice else "is not a number"
-        raise argparse.ArgumentTypeError(f"{text[:40]!r} {what}{advice}") from None
+        return float(parameter.read(parameter.require_unit(text)))
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error).removeprefix(f"{parameter.name} ")) from None
+
+
+def strain(text: str) -> float:
+    """Convert text to a strain; a number above 1 needs a unit."""
+    return number(text, STRAIN)
 
 
 def threads(text: str) -> int:

@@ -261,7 +261,7 @@ def test_the_command_prints_the_preview_and_its_errors(tmp_path, capsys):
     code, said = tried("cr", "--void-ratio", "62", "--pressure", "100kPa")
     assert code == 2 and "not between 0.1 and 3" in said and "0.62" in said
     code, said = tried("cr", "--void-ratio", "0,75", "--pressure", "100kPa")
-    assert code == 2 and "'0,75' has a decimal comma: write 0.75" in said
+    assert code == 2 and "'0,75' has a decimal comma: give 0.75" in said
     code, said = tried("cr", *ratio, columns=["pore_pressure=H:kPa:compression"])
     assert code == 2 and "takes no sign: give pore_pressure=H:kPa" in said
     code, said = tried("cr", *ratio, "--pressure", "100kPa", "--strain", "0,05")
