@@ -18,7 +18,7 @@ from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path, holds_stress
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here
-from labkit.records.schedule import Options, Schedule
+from labkit.records.schedule import SNAPSHOT_BYTES, Options, Schedule
 from labkit.simulation.clock import expected_pace
 from labkit.simulation.tasks import AnyTask, ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.fabric import SIGNS
@@ -33,7 +33,6 @@ MEMORY = {"yade": (350, 0.02)}  # MB per process, and per grain
 OTHER_MEMORY = (450, 0.02)
 CONTACTS_PER_GRAIN = 2.8
 RECORD_BYTES = 60 * 8
-SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 DAYS = 10 * 86400.0  # s; a longer time is given in days
 ENDLESS = 30 * 86400.0  # s; a command that takes longer is announced as one that cannot finish
