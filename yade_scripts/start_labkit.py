@@ -20,7 +20,7 @@ def labkit_program():
     """Return the command that starts labkit. Exits with one line if none is found."""
     python = os.environ.get("LABKIT_PYTHON")
     if python:
-        return [python, "-P", "-m", "labkit"]
+        return [python, "-P", "-m", "labkit.cli"]
     own = os.path.join(ROOT, ".venv", "bin", "labkit")
     program = own if os.path.exists(own) else shutil.which("labkit")
     if not program:
