@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from labkit.cli import arguments
 from labkit.cli.arguments import History, Option, ParameterTexts, PathOptions, Texts, one_of, require
-from labkit.cli.outputs import model_name
+from labkit.cli.outputs import model_name, tell_replaced
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import named_path
@@ -128,8 +128,10 @@ def model_command(
     law = law.reading(beyond_e_cmax=beyond_e_cmax) if isinstance(law, Model) else law
     test = model_path(kind.name, at.pressure, at.stop_pressure, **{**written, **loading})
     state = first_state(law, at)
-    output = output or model_name(File(word).stem, kind, InitialState, {**start, **loading}, model)
+    given = {**start, **loading}
+    output = output or model_name(File(word).stem, kind, InitialState, given, model, parameters, beyond_e_cmax)
     require_output(output)
+    tell_replaced(output)
     begin = time.perf_counter()
     result = drive(law, test, state, at.record_strain, Adaptive(at.tolerance), at.stop_when)
     settings = {"tolerance": at.tolerance, **({} if at.stop_when is None else {"stop_when": at.stop_when})}

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+IN_FRONT = ("void_ratio", "step1_friction", "step1_rolling_friction", "grains", "side", "seed")  # in every name
+NUMBERS = (int, float, bool, tuple)
+CONDITIONS = ("stop_when",)
+WORDS = ("law", "preparation", "fabric")  # parameters whose value says what they are
 SHORT = {
     "young_modulus": "E",
     "time_step_factor": "t",
@@ -42,9 +46,9 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         size,
         f"s{recipe.seed}",
     ]
-    for name in ("aspect", "preparation", "pressure", "shape", "size_classes", "cell"):
+    for name, parameter in options_of(Recipe).items():
         value = getattr(recipe, name)
-        if value != getattr(Recipe, name):
+        if value != parameter.default and name not in IN_FRONT:
             parts.append(_part(name, value))
     for name, parameter in options_of(Scene).items():
         value = getattr(scene, name, parameter.default)
@@ -54,55 +58,83 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
 
 
 def run_name(
-    path: str, specimen: str, kind: type[Path], loading: Texts, material: Texts, settings: str | None = None
+    path: str,
+    specimen: str,
+    kind: type[Path],
+    loading: Texts,
+    material: Texts,
+    settings: str | None = None,
+    snapshot: int | None = None,
 ) -> str:
     """Build the name of a run file from the specimen, the path or path file, and the given parameters."""
     of_path = {name: _part(name, value) for name, value in _read(loading, kind).items()}
-    parts = [stem(specimen), File(path).stem if File(path).suffix else kind.name]
+    parts = [_stem(specimen, snapshot), File(path).stem if File(path).suffix else kind.name]
     parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
     parts += [settings] if settings is not None else []
     parts += [_part(name, value) for name, value in _read(material, Scene).items()]
     return str(File(specimen).with_name("_".join([*parts, *of_path.values()]) + ".run.nc"))
 
 
+def _stem(specimen: str, snapshot: int | None) -> str:
+    """Name a specimen: its file, and the number of the snapshot if it is not the end of a run."""
+    return stem(specimen) + ("" if snapshot is None else f"_snapshot{snapshot}")
+
+
 def _read(texts: Texts, kind: type) -> dict[str, object]:
-    """Convert the given parameters of a dataclass to SI units; leave out conditions and other free text."""
+    """Convert the given parameters of a dataclass to SI units; leave out free text other than conditions to stop."""
     parameters = options_of(kind)
     return {
         name: parameters[name].read(texts[name])
         for name in parameters
         if name in texts
-        and (parameters[name].choices is not None or parameters[name].kind in (int, float, bool, tuple))
+        and (name in CONDITIONS or parameters[name].choices is not None or parameters[name].kind in NUMBERS)
     }
 
 
 def _part(name: str, value: object) -> str:
     """Format a parameter as part of a file name."""
-    if name in ("law", "preparation"):
+    if name in WORDS:
         return str(value)
     if name == "shape":
         return re.sub(r"[^\w.+-]+", "-", str(value).replace("=", ""))
     if name == "grading":
-        text = str(value)
-        return f"{text.split()[0]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
+        return f"{str(value).split()[0]}-{_digest(value)}"
+    if name in CONDITIONS:
+        return f"{name}-{_digest(value)}"
     if name == "pressure" and isinstance(value, int | float):
         return f"p{value / 1e3:g}kPa"
     return SHORT.get(name, name) + (as_typed(value).replace(",", "_") if isinstance(value, tuple) else as_typed(value))
 
 
-def consolidated_name(specimen: str, pressure: float, cell: str | None = None) -> str:
+def _digest(value: object) -> str:
+    """Return six characters that stand for a text that is no file name."""
+    return hashlib.sha256(str(value).encode()).hexdigest()[:6]
+
+
+def consolidated_name(specimen: str, pressure: float, cell: str | None = None, snapshot: int | None = None) -> str:
     """Build the name of the state file of a consolidated specimen, in the folder of the specimen; `cell` if given."""
-    parts = [stem(specimen), _part("pressure", pressure), *([] if cell is None else [_part("cell", cell)])]
+    parts = [_stem(specimen, snapshot), _part("pressure", pressure), *([] if cell is None else [_part("cell", cell)])]
     return str(File(specimen).with_name(f"{'_'.join(parts)}.state.nc"))
 
 
-def model_name(path: str, kind: type[Path], start: type, texts: Texts, law: str = "labkit") -> str:
-    """Build the name of a run file of the model, or of another constitutive law, from the given parameters."""
+def model_name(
+    path: str,
+    kind: type[Path],
+    start: type,
+    texts: Texts,
+    law: str = "labkit",
+    parameters: str | None = None,
+    beyond: str = "error",
+) -> str:
+    """Build the name of a run file of the model, or of another constitutive law, from the given parameters.
+
+    `parameters` is the file of the law's constants, and `beyond` how the model reads void ratios above e_cmax.
+    """
     values = {**_read(texts, start), **_read(texts, kind)}
-    return (
-        "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in values.items())])
-        + ".run.nc"
-    )
+    parts = ["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in values.items())]
+    parts += [] if parameters is None else [File(parameters).stem]
+    parts += [] if beyond == "error" else [beyond]
+    return "_".join(parts) + ".run.nc"
 
 
 def name_beside(file: str, ending: str) -> str:

@@ -105,7 +105,7 @@ def consolidation_task(
     parameter = parameters_of(Consolidation)["pressure"]
     wanted = parameter.read(parameter.require_unit(arguments.require(pressure, "pressure", "one, e.g. 500kPa")))
     source, start = specimen.read()
-    output = output or consolidated_name(source, wanted, cell)
+    output = output or consolidated_name(source, wanted, cell, specimen.snapshot)
     task = ConsolidationTask(
         state=start, source=source, pressure=wanted, cell=cell, output=output, history=history, device=computation
     )
@@ -175,7 +175,7 @@ def run_task(
         path=make_path(kind.name, values),
         options=recording,
         source=source,
-        output=output or run_name(word, source, kind, loading, material, settings),
+        output=output or run_name(word, source, kind, loading, material, settings, specimen.snapshot),
         history=history,
         device=device,
     )
