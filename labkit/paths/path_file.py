@@ -36,6 +36,7 @@ from labkit.paths.steps import MOST_STEPS, Steps
 from labkit.paths.variables import VARIABLES, Changes, increments
 from labkit.text.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.text.reading import read_table, text_of
+from labkit.units import UNITS
 
 PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 STEPS, REPEAT = "steps", "repeat"
@@ -197,8 +198,18 @@ def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
             allowed = "two rows or more, and columns such as `stress_xx [kPa]` and `strain_zz [%]`"
             raise InputError(f"has the column {heading!r} and {len(numbers)} rows", field="table", allowed=allowed)
         kind, name, unit = parts["kind"], parts["name"], parts["unit"] or ""
-        scale = Parameter(name, unit="Pa" if kind == "stress" else "1").read(f"1 {unit}".strip())
-        values = scale * column
+        parameter = Parameter(name, unit="Pa" if kind == "stress" else "1", is_strain=kind == "strain")
+        if name in changes[kind]:
+            raise InputError(f"has two columns of {kind}_{name}", field="table", allowed="one of them")
+        if not unit and any(parameter.doubt(f"{value:g}") for value in column):
+            allowed = f"`{kind}_{name} [{'%' if kind == 'strain' else 'kPa'}]` or another unit"
+            raise InputError(f"has the column {heading!r} without a unit", field="table", allowed=allowed)
+        try:
+            values = parameter.read(f"1 {unit}".strip()) * column
+        except InputError:
+            allowed = f"one of {', '.join(UNITS[parameter.unit])}"
+            problem = f"has the column {heading!r}, whose unit {unit!r} is unknown"
+            raise InputError(problem, field="table", allowed=allowed) from None
         changes[kind][name] = (values[1:] if absolute and kind == "stress" else np.diff(values)).tolist()
     return dict(changes)
 

@@ -76,8 +76,14 @@ def test_a_table_of_a_spreadsheet_gives_the_same_rows(written, encoding):
         ("zz,xx\n1,2\n2,3\n", "has the column 'zz' and 2 rows: give two rows or more, and columns such as"),
         ("strain_zz\n1\n", "'strain_zz'"),
         ("strain_zz\n1\nx\n", "cannot be read as a table of numbers"),
-        ("strain_zz [bar]\n1\n2\n", "'bar'"),
-        ("strain_q\n1\n2\n", "strain 'q'"),
+        ("strain_zz [bar]\n1\n2\n", "has the column 'strain_zz [bar]', whose unit 'bar' is unknown: give one of "),
+        (
+            "stress_xx,strain_zz [%]\n310,0\n320,1\n",
+            "has the column 'stress_xx' without a unit: give `stress_xx [kPa]`",
+        ),
+        ("strain_zz\n0\n1\n", "has the column 'strain_zz' without a unit: give `strain_zz [%]`"),
+        ("stress_xx [kPa],stress_xx [Pa]\n1,1\n2,2\n", "has two columns of stress_xx: give one of them"),
+        ("strain_q [%]\n1\n2\n", "strain 'q'"),
         (None, "t.csv"),
     ],
 )
