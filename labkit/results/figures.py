@@ -62,7 +62,8 @@ class RunFigure(Generic[Arguments]):
                 problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {allowed}"
                 raise InputError(problem, field=option, value=value)
         if self.needs == "snapshots":
-            data.lab.require_snapshots([options.get("snapshot", -1)], ", or draw the figure shares")
+            for run in data.values() if isinstance(data, dict) else [data]:
+                run.lab.require_snapshots([options.get("snapshot", -1)], ", or draw the figure shares")
         draw: Any = self.function
         return draw(data, *arguments[1:], **options)
 

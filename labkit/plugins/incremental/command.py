@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,12 +22,18 @@ from labkit.records.limits import exceeded_in
 from labkit.records.schedule import Options
 from labkit.simulation.reports import announcing
 from labkit.simulation.tasks import RunTask, execute
+from labkit.text.foreign import noted_files
 
 if TYPE_CHECKING:
     from labkit.plugins.incremental.driver_file import DriverFile
 
 MODEL = "model"
 UNITS = ("Pa", "kPa", "MPa")
+OF_GRAINS = {  # options that the model does not use -> their defaults
+    "engine": Device.name,
+    **{name: getattr(Device, name) for name in ("threads", "ranks", "precision")},
+    **{name: getattr(Options, name) for name in ("snapshots", "save_every", "inertial_number")},
+}
 HEADER = b"time(1)"  # the first word of an output file of the Incremental Driver
 
 
@@ -88,18 +94,19 @@ def driver_command(
     if not columns and File(wanted.output).name != wanted.output:  # an untrusted file may name any folder
         raise InputError(f"{test} names its output in another folder, {wanted.output}: say where with --columns")
     table = File(columns) if columns else wanted.file.parent / wanted.output
-    _require_table(table, [*inputs, output])
+    _require_table(table, [*inputs, *noted_files(), output])
     for note in wanted.notes:
         print(note, file=sys.stderr)
     chosen = dataclasses.replace(chosen, on=on, output=output)
+    if on == MODEL:
+        carry_out = _on_model(wanted, chosen, recording, computation, history)
+    elif chosen.parameters:
+        problem = "is for the model, and grains have their own material: leave it out"
+        raise InputError(problem, field="parameters")
+    else:
+        carry_out = _on_grains(wanted, chosen, recording, computation, history)
     try:
-        if on == MODEL:
-            _on_model(wanted, chosen, recording, history)
-        elif chosen.parameters:
-            problem = "is for the model, and grains have their own material: leave it out"
-            raise InputError(problem, field="parameters")
-        else:
-            _on_grains(wanted, chosen, recording, computation, history)
+        carry_out()
     except (PhysicsError, Interrupted):
         if File(output).is_file():
             _write_columns(output, wanted, table, chosen.stress_unit, inputs)
@@ -133,8 +140,10 @@ def _write_columns(output: str, test: DriverFile, table: File, stress_unit: str,
             write_with_provenance(table, text, [*files, output])
 
 
-def _on_grains(test: DriverFile, chosen: DriverOptions, recording: Options, computation: Device, history: str) -> None:
-    """Bring a specimen to the initial stress, and load it along the path of the test."""
+def _on_grains(
+    test: DriverFile, chosen: DriverOptions, recording: Options, computation: Device, history: str
+) -> Callable[[], None]:
+    """Bring a specimen to the initial stress; return what loads it along the path of the test."""
     from labkit.plugins.incremental.start import read_initial, way_to
 
     specimen, output = str(chosen.on), str(chosen.output)
@@ -153,11 +162,13 @@ def _on_grains(test: DriverFile, chosen: DriverOptions, recording: Options, comp
         before = output.removesuffix(".run.nc") + ".initial.run.nc"
         carry_out(state, way_to(initial.stress), Options(snapshots=0), before)
         state = read_state(before).at_rest()
-    carry_out(state, path, recording, output)
+    return lambda: carry_out(state, path, recording, output)
 
 
-def _on_model(test: DriverFile, chosen: DriverOptions, recording: Options, history: str) -> None:
-    """Integrate the model along the path of the test, from its initial stress."""
+def _on_model(
+    test: DriverFile, chosen: DriverOptions, recording: Options, computation: Device, history: str
+) -> Callable[[], object]:
+    """Integrate the model along the path of the test, and write it; return what raises PhysicsError if it failed."""
     from labkit.cli.model import require_output
     from labkit.model.driver import drive
     from labkit.model.parameters import Model
@@ -166,6 +177,10 @@ def _on_model(test: DriverFile, chosen: DriverOptions, recording: Options, histo
     from labkit.plugins.incremental.start import model_from_constants, model_state, read_initial, way_to
 
     parameters, unit, output = chosen.parameters, chosen.stress_unit, str(chosen.output)
+    given = {**vars(computation), **vars(recording), "engine": computation.name}
+    for field, standard in OF_GRAINS.items():
+        if given[field] != standard:
+            raise InputError("is for grains: leave it out", field=field, value=given[field])
     initial = read_initial(require(chosen.initial, "initial", "initialconditions.inp"), unit)
     model = model_from_constants(parameters, unit) if parameters else Model()
     state = model_state(initial, model)
@@ -176,4 +191,4 @@ def _on_model(test: DriverFile, chosen: DriverOptions, recording: Options, histo
     result = drive(model, test.path(chosen.rate), state, recording.record_strain, stop_when=recording.stop_when)
     settings = {} if recording.stop_when is None else {"stop_when": recording.stop_when}
     write_result(output, result, history, time.perf_counter() - begin, settings)
-    result.require()
+    return result.require

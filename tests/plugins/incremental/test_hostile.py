@@ -175,6 +175,8 @@ def test_damaged_copies_of_the_example_give_a_sentence_or_a_path(tmp_path):
         (("{test}", "--on", "model", "--initial", "{initial}", "--parameters", "{initial}"), "line 2: '-200.0'"),
         (("{test}", "--on", "model", "--initial", "{initial}", "--columns", "{initial}"), "is also an input"),
         (("{test}", "--on", "model", "--initial", "{initial}", "--stress-unit", "bar"), "'bar'"),
+        (("{test}", "--on", "model", "--initial", "{initial}", "--engine", "yade"), "--engine yade is for grains"),
+        (("{test}", "--on", "model", "--initial", "{initial}", "--snapshots", "7"), "--snapshots 7 is for grains"),
         (
             ("{test}", "--on", "model", "--initial", "{initial}", "--stop-when", "inertial_number > 1"),
             "inertial_number",
@@ -191,6 +193,32 @@ def test_the_command_refuses_in_one_line(arguments, said, tmp_path, capsys, monk
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and said in lines[0], lines
     assert {file.name for file in tmp_path.iterdir()} == {"test.inp", "initialconditions.inp"}
+
+
+def on_model(folder, output, strain, stress):
+    """Carry out a compression of the model from axial and radial stresses, kPa; return the exit status."""
+    (folder / "t.inp").write_text(f"{output}\n*TriaxialE1\n100 10 1\n{strain}\n")
+    axial, radial = stress
+    (folder / "initial.inp").write_text(f"6\n{axial}\n{radial}\n{radial}\n0\n0\n0\n1\n0.67\n")
+    return main(["driver", str(folder / "t.inp"), "--on", "model", "--initial", str(folder / "initial.inp")])
+
+
+def test_a_test_that_does_not_begin_writes_no_columns(tmp_path):
+    """The run file of an earlier test is not its result."""
+    assert on_model(tmp_path, "old.out", -0.01, (-200, -200)) == 0
+    assert on_model(tmp_path, "new.out", -0.02, (-900, -10)) == 1
+    assert (tmp_path / "old.out").exists() and not (tmp_path / "new.out").exists()
+
+
+def test_the_imported_file_is_not_overwritten(tmp_path, capsys):
+    assert on_model(tmp_path, "ref.out", -0.01, (-200, -200)) == 0
+    before, test = (tmp_path / "ref.out").read_bytes(), tmp_path / "import.inp"
+    strains = "".join(f"0 {column}\n" for column in range(3, 9))
+    test.write_text(f"ref.out\n*ImportFile ref.out | 35\n10 5 1\n*Cartesian\n{strains}")
+    capsys.readouterr()
+    assert main(["driver", str(test), "--on", "model", "--initial", str(tmp_path / "initial.inp")]) == 2
+    assert "ref.out is also an input" in capsys.readouterr().err
+    assert (tmp_path / "ref.out").read_bytes() == before
 
 
 @pytest.mark.parametrize("text", [", ,\n", "1\n-100\n, ,\n"])
