@@ -94,7 +94,7 @@ def calibrated(folder: Path, draw: int, number: int, parameters: dict[str, float
     """Fit the model to the runs of a specimen, and use it; returns a line of chain.jsonl."""
     runs = {name: lk.open_run(folder / f"{draw}-{number}/{name}.run.nc") for name in PATHS}
     kept = runs.pop(KEPT)
-    fit = lk.calibrate(runs, Model(young_modulus=parameters["young_modulus"]))
+    fit = lk.calibrate(runs)
     e, Z = (float(kept[name][0]) for name in ("void_ratio_nominal", "coordination_number"))
     point = drive(fit.model, PATHS[KEPT][0], isotropic_state(fit.model, e, PRESSURE, Z=Z))
     found: dict[str, object] = {"draw": draw, "specimen": number, **parameters, "void ratio": e, "Z": Z}

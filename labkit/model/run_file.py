@@ -60,6 +60,7 @@ def _programme_rows(result: Result) -> dict[str, Variable]:
 def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, object]:
     """Return attributes that identify the test by its path and `parameters`, and that say how the test ended."""
     return {
+        "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
         "engine": MODEL_ENGINE,
         "path": result.path.name,
         "path_parameters": json.dumps({**dataclasses.asdict(result.path), **parameters}),
@@ -87,7 +88,6 @@ def write_result(
         parameters: Further values that determine the result, stored as JSON.
     """
     attributes = {
-        "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
         **_attributes(result, parameters or {}),
         "wall_time": max(0.0, float(wall_time)),  # the clock may be set back
         "steps": np.int64(result.calls),

@@ -48,6 +48,7 @@ def calibrate_command(
         write_with_provenance(output, result.model.reading(beyond_e_cmax="error").to_json() + "\n", files)
     write_table(result.table, csv, files, digits=6)
     if figure:
-        plots.save(draw_fit([observe(name, opened[name]) for name in result.predicted], result.predicted), figure)
+        drawn = draw_fit([observe(name, opened[name]) for name in result.predicted], result.predicted)
+        plots.save(drawn, figure, files)
     for file in outputs:
         print(f"written: {file}")

@@ -143,12 +143,12 @@ def _kind(run: xarray.Dataset) -> str:
 def calibrate(runs: Mapping[str, object], model: Model = TABLE_2) -> Fit:
     """Fit the parameters of the model to runs; returns a Fit.
 
-    Predictions of the model, unfinished runs and runs that are not axisymmetric are left out, each with a warning.
-    Raises InputError if no run is left.
+    Predictions of the model, measured tests, unfinished runs and runs that are not axisymmetric are left out, each with
+    a warning. Raises InputError if no run is left.
 
     Args:
         runs: Name -> labkit.Run, or Dataset of labkit.open_run.
-        model: Initial values.
+        model: Initial values; E becomes that of the grains.
     """
     usable, left_out = require_usable(datasets_of(runs))
     result = fit([observe(name, run) for name, run in usable.items()], model)
@@ -168,16 +168,22 @@ def fit(observations: Iterable[Observation], model: Model = TABLE_2) -> Fit:
 
     Each run adds five unknowns, its initial Z, Lambda, A_zz, F_zz and F^t_zz, since the first record is as noisy as the
     others. The first pass weights the variables by NATURAL, the second by their misfit over all runs. Parameters on
-    which no record depends keep the values of the model. Raises InputError without observations.
+    which no record depends keep the values of the model. Raises InputError without observations, and for grains with
+    different Young's moduli.
 
     Args:
         observations: One per run.
-        model: Initial values.
+        model: Initial values; E becomes that of the grains.
     """
     observations = list(observations)
     if not observations:
         raise InputError("calibration needs at least one run: give run files")
     names = tuple(field.name for field in dataclasses.fields(Parameters)) + (AMENDMENT if model.c_dLam > 0.0 else ())
+    moduli = {o.young_modulus: o.name for o in observations}
+    if len(moduli) > 1:
+        different = ", ".join(f"{modulus:g} Pa in {name}" for modulus, name in moduli.items())
+        raise InputError(f"the grains have different Young's moduli ({different}): give runs with one")
+    model = dataclasses.replace(model, young_modulus=observations[0].young_modulus)
     model = model.reading(beyond_e_cmax="flat")  # a trial e_cmax may lie below a recorded void ratio
     initial = dataclasses.asdict(model.parameters) | {name: getattr(model, name) for name in AMENDMENT}
     try:

@@ -10,6 +10,7 @@ import xarray
 
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
+from labkit.results.endings import LABORATORY
 
 VARIABLES = (
     "coordination_number",
@@ -23,13 +24,17 @@ MOST_RECORDS = 80  # largest number of records used from one run
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Observation:
-    """Calibration data of a run: `strain_step` (n-1, 6), `e` (n,), and `values` (n, 5) of VARIABLES, zz components."""
+    """Calibration data of a run: `strain_step` (n-1, 6), `e` (n,), and `values` (n, 5) of VARIABLES, zz components.
+
+    `young_modulus` is that of the grains, Pa, by which Lambda is normalised.
+    """
 
     name: str
     path: str
     strain_step: np.ndarray
     e: np.ndarray
     values: np.ndarray
+    young_modulus: float
 
 
 def observe(name: str, run: xarray.Dataset) -> Observation:
@@ -58,19 +63,22 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
         np.searchsorted(accumulated_strain, np.linspace(0.0, accumulated_strain[-1], min(MOST_RECORDS, len(e))) - 1e-15)
     )
     records = np.union1d(records, _turns(strain[:, 2, 2]))  # always include reversals: they define the path
-    return Observation(name, run.attrs["path"], to_six(np.diff(strain[records], axis=0)), e[records], values[records])
+    step, modulus = to_six(np.diff(strain[records], axis=0)), run.lab.scene.young_modulus
+    return Observation(name, run.attrs["path"], step, e[records], values[records], modulus)
 
 
 def require_usable(runs: Mapping[str, xarray.Dataset]) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
     """Select the runs that a calibration may use; returns (name -> run, name -> reason for leaving a run out).
 
-    Predictions of the model, unfinished runs and runs that are not axisymmetric are left out. Raises InputError if no
-    run is left.
+    Predictions of the model, measured tests, unfinished runs and runs that are not axisymmetric are left out. Raises
+    InputError if no run is left.
     """
     left_out = {}
     for name, run in runs.items():
         if run.attrs.get("engine") == "model":
             left_out[name] = "prediction of the model, not a simulation"
+        elif run.attrs.get("engine") == LABORATORY:
+            left_out[name] = "measured in a laboratory, without contacts"
         elif not run.attrs.get("complete", 1):
             left_out[name] = "unfinished"
         elif not run.lab.axisymmetric:

@@ -14,7 +14,7 @@ from labkit.micro.tensors import to_six
 from labkit.model.compiled import Pointer, Table, address, constants_at, entry, numbers_at
 from labkit.model.constants import Constants
 from labkit.model.integrators import Stretch, advance_adaptively
-from labkit.model.parameters import FLOOR, Model
+from labkit.model.parameters import FLOOR, MAY_BE_ZERO, Model
 from labkit.model.rates import FINE, SIZE, WORK, PointControl, RateTask
 from labkit.model.tensors import norm, put, six_at
 from labkit.parameters import Values
@@ -23,19 +23,21 @@ from labkit.plugins.calibration.observation import Observation
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])
 TOLERANCE = 1e-7  # of the integration, well below the finite differences of the Jacobian
+LEAST = 0.01  # smallest value of an exponent that may not be zero, divided by its initial value
 PRIOR = 3.0  # width of a weak prior on each unknown, which bounds parameters that the data do not determine
 MOST_EVALUATIONS = 100
 
 
 def is_exponent(name: str) -> bool:
-    """Return True for a parameter that is fitted directly, not as its logarithm, because it may be zero."""
+    """Return True for a parameter that is fitted directly, not as its logarithm, because it may be small."""
     return name.startswith(("gamma", "beta"))
 
 
 def parameter_value(name: str, initial: float, u: float) -> float:
-    """Return a parameter for its unknown u: initial exp(u), or initial (1 + u) for an exponent."""
+    """Return a parameter for its unknown u: initial exp(u), or initial (1 + u) for an exponent, but not below zero."""
     if is_exponent(name):
-        return float(max(initial * (1.0 + u), 0.0))
+        least = 0.0 if name in MAY_BE_ZERO else LEAST * initial
+        return float(max(initial * (1.0 + u), least))
     return float(initial * np.exp(np.clip(u, -20.0, 20.0)))
 
 

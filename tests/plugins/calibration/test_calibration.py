@@ -15,7 +15,7 @@ from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.run_file import as_run, records_of_result
-from labkit.model.state import isotropic_state
+from labkit.model.state import isotropic_state, state_of
 from labkit.plugins.calibration.fitting import DETERMINED, calibrate, critical_fit, fit
 from labkit.plugins.calibration.observation import observe, require_usable
 from labkit.plugins.calibration.residuals import predict
@@ -41,13 +41,17 @@ TESTS = (
 )
 
 
+def attributes(path):
+    return {"path": path, "scene": labkit.Scene().to_json()}
+
+
 def synthetic(model, rng, tests=TESTS):
     """Observations of model predictions with white noise on the statistics that a simulation measures."""
     found = []
     for number, (name, e, pressure) in enumerate(tests):
         result = drive(model, model_path(name, pressure), isotropic_state(model, e, pressure)).require()
         values = records_of_result(result)
-        run = xr.Dataset({key: (RECORD[key].dimensions, values[key]) for key in RECORD}, attrs={"path": name})
+        run = xr.Dataset({key: (RECORD[key].dimensions, values[key]) for key in RECORD}, attrs=attributes(name))
         for key, size in NOISE.items():
             noise = rng.normal(size=run[key].shape)
             # the triaxial zz component of a tensor is 2/3 (zz - (xx + yy)/2): scaled so that its noise is `size`
@@ -117,10 +121,15 @@ def test_predictions_and_unfinished_runs_are_left_out_with_a_reason(model, run_f
     simulation = labkit.open_run(run_file)
     predicted = as_run(drive(model, model_path("cv", 0.5e6), isotropic_state(model, 0.67, 0.5e6)))
     unfinished = simulation.assign_attrs(complete=0)
-    runs = {"simulation": simulation, "predicted": predicted, "unfinished": unfinished}
+    measured = simulation.assign_attrs(engine="laboratory")
+    runs = {"simulation": simulation, "predicted": predicted, "unfinished": unfinished, "measured": measured}
     usable, left_out = require_usable(runs)
     assert list(usable) == ["simulation"]
-    assert left_out == {"predicted": "prediction of the model, not a simulation", "unfinished": "unfinished"}
+    assert left_out == {
+        "predicted": "prediction of the model, not a simulation",
+        "unfinished": "unfinished",
+        "measured": "measured in a laboratory, without contacts",
+    }
     result = calibrate(runs)
     assert list(result.predicted) == ["simulation"]
     assert f"warning: left out: predicted: {left_out['predicted']}\n" in result.report()
@@ -131,6 +140,31 @@ def test_predictions_and_unfinished_runs_are_left_out_with_a_reason(model, run_f
     assert 1e-4 < row["p"] < 0.2 and 1e-4 < row["q/p"] / ratio.max() < 0.2
     with pytest.raises(InputError, match=r"none of these runs can be used .*predicted: .*unfinished"):
         calibrate({name: runs[name] for name in ("predicted", "unfinished")})
+
+
+@pytest.fixture(scope="module", params=[{}, {"law": "hertz_mindlin"}], ids=str)
+def stiff(request):
+    """A short test of a hundred grains with a Young's modulus of 5 GPa."""
+    scene = labkit.Scene(**request.param, young_modulus="5 GPa")
+    state = labkit.make_specimen(labkit.Recipe(void_ratio=0.62, grains=100), scene, progress=False)
+    return labkit.run(state, labkit.paths.ConstantVolume(strain=0.01), snapshots=2, progress=False)
+
+
+def test_the_model_has_the_young_modulus_of_the_grains(stiff, run_file):
+    """In the state of the grains, the mean stress of the fitted model is their C0."""
+    model = calibrate({"stiff": stiff}).model
+    first = stiff.snapshots[0]
+    assert mean_stress(state_of(first).stress(model)) == pytest.approx(mean_stress(labkit.sff_stress(first)), rel=1e-6)
+    with pytest.raises(InputError, match=r"5e\+09 Pa in stiff, 1.5e\+08 Pa in soft"):
+        calibrate({"stiff": stiff, "soft": labkit.open_run(run_file)})
+
+
+def test_an_exponent_that_may_not_be_zero_stays_positive(model):
+    """In these tests the slope of Z^c(e) has the wrong sign, so that gamma_cZ tends to zero."""
+    observations = synthetic(model.with_parameters(gamma_cZ=1e-3), np.random.default_rng(1), TESTS[:2])
+    for o, trend in zip(observations, (-0.05, 0.05), strict=True):
+        o.values[:, 0] += np.linspace(0.0, trend, len(o.e))
+    assert 0.0 < fit(observations).model.parameters.gamma_cZ < 0.1
 
 
 def reflected(observation):
@@ -185,6 +219,7 @@ def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
     assert (tmp_path / "both.csv").read_text() == (tmp_path / "p.csv").read_text()
     inputs = json.loads((tmp_path / "both.csv.provenance.json").read_text())["inputs"]
     assert [item["file"].endswith("small.run.nc") for item in inputs] == [True]
+    assert "inputs none" not in labkit_command("info", tmp_path / "p.png").stdout
     refused = labkit_command("calibrate", tmp_path / "m.run.nc", "-o", tmp_path / "q.json")
     assert refused.returncode == 2 and "(m: " in refused.stderr
     assert not (tmp_path / "q.json").exists()
@@ -194,7 +229,8 @@ def test_runs_without_contacts_or_strain_are_refused(model):
     rng = np.random.default_rng(3)
     result = drive(model, model_path("cv", 0.5e6, strain=0.02), isotropic_state(model, 0.67, 0.5e6))
     run = xr.Dataset(
-        {key: (RECORD[key].dimensions, value) for key, value in records_of_result(result).items()}, attrs={"path": "cv"}
+        {key: (RECORD[key].dimensions, value) for key, value in records_of_result(result).items()},
+        attrs=attributes("cv"),
     )
     lost = run.copy()
     lost["coordination_number"] = lost["coordination_number"] * (np.arange(len(result)) < 5)
