@@ -10,6 +10,7 @@ from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.outputs import name_beside, write_table
 from labkit.cli.registry import command
 from labkit.engines import Device
+from labkit.errors import InputError
 from labkit.files.writable import require_writable
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
@@ -34,6 +35,12 @@ class MoreMaterials:
     ] = False
     beyond_e_cmax: BeyondECmax = "error"
     parameters: ModelParameters = None
+
+    def __post_init__(self) -> None:
+        """Raises InputError for an option of the model, if it is not probed."""
+        for field in ("beyond_e_cmax", "parameters"):
+            if not self.model and getattr(self, field) != getattr(MoreMaterials, field):
+                raise InputError("is for the model: leave it out, or add --model", field=field)
 
 
 @command("probe")
@@ -96,6 +103,8 @@ def probe_all(state: State, probing: Probing, materials: MoreMaterials, computat
 
     chosen = materials.model
     model = read_model(materials.parameters).reading(beyond_e_cmax=materials.beyond_e_cmax) if chosen else None
+    if model is not None:
+        model = dataclasses.replace(model, young_modulus=state.scene.young_modulus)
     start = at_rest(state, computation)
     predicted = None if model is None else probe_model(state_of(start.snapshot()), model, probing)
     probes = probes_of(start, probing, False, computation, reporter("probes"))

@@ -21,7 +21,7 @@ import numpy as np
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError
-from labkit.grains.scene import Scene
+from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state import State
 from labkit.grains.valid import require_state
 from labkit.micro.indicators import inertial_number
@@ -50,11 +50,13 @@ NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a
 
 
 def without_sliding(scene: Scene) -> Scene:
-    """Return the scene with friction so high that no contact slides or rolls, for the elastic part of the response.
+    """Return the scene with friction so high that no contact slides, rolls or twists, for the elastic response.
 
-    A friction coefficient of zero stays zero: no tangential or rolling springs are added.
+    A friction coefficient of zero stays zero: no tangential, rolling or twisting springs are added.
     """
-    return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
+    names = ("friction", "rolling_friction", "twisting_friction")
+    high: Values = {name: NO_SLIDING for name in names if getattr(scene, name) > 0.0}
+    return scene.replace(**used_parameters({"law": scene.law, **high}))
 
 
 def rest(specimen: State, device: Device, progress: Progress = silent) -> State:

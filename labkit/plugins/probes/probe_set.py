@@ -174,20 +174,33 @@ class Probes:
         if not np.isclose(np.linalg.norm(along), 1.0):
             allowed = f"probes of the plane {component}-shear, or all"
             raise InputError(f"has no shear {component}", field="plane", value=self.plane.name, allowed=allowed)
-        if np.linalg.matrix_rank(self._project()[0]) < len(along):
+        if not self._spans_plane():
             raise InputError("do not span the plane", field="directions", allowed="4 or more")
         C = self.tangent()
         return float(0.5 * along @ (C if self.kind == "strain" else np.linalg.inv(C)) @ along)
 
     def asymmetry(self) -> float:
-        """Return the asymmetry |C - C^T|/|C| of the tangent C."""
+        """Return the asymmetry |C - C^T|/|C| of the tangent C; NaN for directions that do not span the plane."""
+        if not self._spans_plane():
+            return np.nan
         C = self.tangent()
         return float(np.linalg.norm(C - C.T) / np.linalg.norm(C))
 
     def misfit(self) -> float:
-        """Return the residual of the fit of the tangent, relative to the responses: 0 for a linear material."""
+        """Return the residual of the fit of the tangent, relative to the responses: 0 for a linear material.
+
+        NaN for directions that do not span the plane.
+        """
+        if not self._spans_plane():
+            return np.nan
         prescribed, response = self._project()
         return float(np.linalg.norm(prescribed @ self.tangent().T - response) / np.linalg.norm(response))
+
+    def _spans_plane(self) -> bool:
+        """Return True if the prescribed increments span the plane, apart from their noise."""
+        prescribed, _ = self._project()
+        noise = 0.01 * float(np.linalg.norm(prescribed, 2))
+        return bool(np.linalg.matrix_rank(prescribed, tol=noise) == prescribed.shape[1])
 
     def _project(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the prescribed increments and the responses along the axes of the plane, (n, k) each."""

@@ -152,7 +152,21 @@ def test_a_large_strain_probe_takes_longer_to_stay_quasi_static(sheared):
 
 def test_only_springs_that_exist_are_kept_from_sliding():
     scene = without_sliding(lk.Scene(friction=0.3, rolling_friction=0.0))
-    assert (scene.friction, scene.rolling_friction) == (10.0, 0.0)
+    assert (scene.friction, scene.rolling_friction, scene.twisting_friction) == (10.0, 0.0, 0.0)
+
+
+def test_no_contact_twists_in_an_elastic_probe():
+    scene = lk.Scene(twisting_friction=0.001)
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.62, grains=100), scene, progress=False)
+    probes = probes_of(state, Probing(directions=2, duration=5.0, amplitude=1e-5), True, progress=False)
+    assert (probes.data["sliding_loss"] == 0.0).all()
+
+
+@pytest.mark.parametrize("kind", ["strain", "stress"])
+def test_two_directions_do_not_determine_a_stiffness(kind, sheared):
+    probes = probes_of(sheared, Probing(directions=2, duration=5.0, kind=kind), True, progress=False)
+    (row,) = probes.summary().to_dict("records")
+    assert np.isnan(row["asymmetry"]) and np.isnan(row["misfit"]) and row["least"] > 0.0
 
 
 # --- planes, files, the command line ---------------------------------------------------------------------------------
@@ -230,8 +244,21 @@ def test_one_command_probes_grains_elastic_grains_and_model(run_file, tmp_path, 
     assert list(table["angle"]) == [0.0, 180.0] * 3 and table["start_sha256"][:4].nunique() == 1
     assert main(["info", "e.probes.nc", "--check"]) == 0 and "differs" not in capsys.readouterr().out
     assert main(["figure", "envelope", str(run_file)]) == 2 and "probes file" in capsys.readouterr().err
+    for words in (["--parameters", "p.json"], ["--beyond-e-cmax", "flat"]):  # without --model
+        assert main([*common, *words]) == 2 and words[0] in capsys.readouterr().err
     shear = ["--plane", "xz-shear", "--directions", "4", "--elastic"]
     assert main([*common[:-1], "g.probes.nc", *shear]) == 0
     modulus = lk.read_probes("g.probes.nc").of("elastic").shear_modulus()
     assert f"shear modulus G = {modulus / 1e6:.4g} MPa" in capsys.readouterr().out
     assert main([*common[:-1], "s.state.nc", "--plane", "flat"]) == 2 and "--plane 'flat'" in capsys.readouterr().err
+
+
+def test_the_model_is_probed_with_the_young_modulus_of_the_grains(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    recipe = lk.Recipe(void_ratio=0.62, grains=100)
+    lk.write_state("s.state.nc", lk.make_specimen(recipe, lk.Scene(young_modulus="5 GPa"), progress=False))
+    words = ["--directions", "2", "--duration", "5", "--model"]
+    assert main(["probe", "s.state.nc", *words, "-o", "e.probes.nc"]) == 0
+    probes = lk.read_probes("e.probes.nc")
+    grains, model = (lk.mean_stress(probes.of(name).data["start_stress"].values[0]) for name in ("grains", "model"))
+    assert model == pytest.approx(grains, rel=0.05)  # C0 against Love's stress
