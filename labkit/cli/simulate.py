@@ -10,11 +10,9 @@ from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_
 from labkit.cli.registry import command
 from labkit.engines.device import Device
 from labkit.errors import InputError
-from labkit.files.writable import require_writable
-from labkit.grains.bonds import bond
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.grains.state import State
-from labkit.grains.state_file import read_state, write_state
+from labkit.grains.state_file import read_state
 from labkit.parameters import Values, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
@@ -22,7 +20,7 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
 from labkit.simulation.reports import execute_and_report, one_line
-from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask
+from labkit.simulation.tasks import BondTask, ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.recipe import SETTINGS, Recipe
 
 MATERIAL = "material, contact law and time step"
@@ -133,6 +131,7 @@ def bond_command(
     specimen: Annotated[FromFile, Made(source_of)],
     material: Material,
     output: Annotated[str, Option("state file to write", "FILE")] = "bonded.state.nc",
+    history: History,
 ) -> None:
     """Bonds all contacts of a specimen, with the contact law `bonded`.
 
@@ -142,10 +141,10 @@ def bond_command(
         labkit bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc
     """
     source, state = specimen.read()
-    require_writable(output, "state", [source])
+    scene = state.scene.replace(**{"law": "bonded", **material})
+    task = BondTask(state=state, bonded=scene, source=source, output=output, history=history)
     tell_replaced(output)
-    bonded = bond(state, state.scene.replace(**{"law": "bonded", **material}))
-    write_state(output, bonded)
+    bonded = task.do()
     print(f"{output}: {len(bonded.contact_grain)} bonds, {one_line(bonded)}")
 
 

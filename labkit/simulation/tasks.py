@@ -21,6 +21,7 @@ from labkit.extensions import files_in_use
 from labkit.files import arrays
 from labkit.files.provenance import provenance_json
 from labkit.files.writable import require_writable
+from labkit.grains.bonds import bond
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import write_state
@@ -195,6 +196,22 @@ class ConsolidationTask(StateTask[State]):
     def do(self, progress: Progress) -> State:
         state = consolidation.bring_to(self.state, self.path, self.device, progress, interim_of(self.output))
         return self.finish(state)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BondTask(StateTask[State]):
+    """Bond the contacts of a specimen under the law of a new scene."""
+
+    bonded: Scene
+
+    title = "bonds"
+
+    @property
+    def scene(self) -> Scene:
+        return self.bonded
+
+    def do(self, progress: Progress = silent) -> State:
+        return self.finish(bond(self.state, self.bonded))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,7 @@ def made(tmp_path_factory, labkit_command):
     for words in (
         "specimen --void-ratio 0.606 --step1-friction 0.06 --grains 120 --seed 7 --engine fused -o s.state.nc",
         "consolidate s.state.nc --pressure 0.5e6 --engine fused -o c.state.nc",
+        "bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc",
         "run cv c.state.nc --strain 0.01 --rate 40 --snapshots 1 --engine fused -o r.run.nc",
         "figure shares r.run.nc -o f.png",
         "figure shares r.run.nc -o f.svg --csv t.csv",
@@ -45,7 +46,7 @@ def folder(made, tmp_path):
 
 
 def test_every_output_has_its_provenance_and_changes_are_detected(folder, labkit_command):
-    inputs = {"s.state.nc": [], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"]}
+    inputs = {"s.state.nc": [], "b.state.nc": ["s.state.nc"], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"]}
     drawn = {key: ["r.run.nc"] for key in ("f.png", "f.svg", "t.csv")}
     inputs |= drawn
     for name, sources in inputs.items():
