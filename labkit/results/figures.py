@@ -50,6 +50,8 @@ class RunFigure(Generic[Arguments]):
 
         Raises InputError for an unknown option, and for a run without the snapshots or the steps that the figure draws.
         """
+        if not arguments:
+            raise InputError(f"the figure {self.name} has no run: give it first, as in FIGURES[{self.name!r}](run)")
         options: dict[str, Any] = dict(named)
         data: Any = arguments[0]
         if self.needs != "probes" and (step := options.pop("step", None)) is not None:
@@ -58,8 +60,9 @@ class RunFigure(Generic[Arguments]):
         for option, value in options.items():
             if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
+                others = "figures of runs" if option == "step" else "none"
                 allowed = " or ".join(self.options) or "no option"
-                problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {allowed}"
+                problem = f"does not apply to the figure {self.name}, only to {having or others}: give {allowed}"
                 raise InputError(problem, field=option, value=value)
         if self.needs == "snapshots":
             for run in data.values() if isinstance(data, dict) else [data]:

@@ -1,5 +1,7 @@
 """Figures and commands that follow the path of a run: stress path, deviatoric plane, simple shear, cycles."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from labkit.figures.path_figures import cycles, pi_plane, shear, stress_path
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.results.critical import critical_states, mean_strengths, require_critical
+from labkit.results.figures import FIGURES
 from labkit.results.verify import findings_table
 
 pytestmark = pytest.mark.slow
@@ -160,6 +163,27 @@ def test_the_command_draws_several_runs_and_refuses_what_does_not_fit(shear_file
         assert main(["figure", *words, "-o", str(tmp_path / "x.png")]) == 2
         error = capsys.readouterr().err
         assert said in error and len(error.strip().splitlines()) == 1
+
+
+def test_each_run_of_a_users_figure_needs_its_snapshots(shear_file, model_file, tmp_path, labkit_command):
+    (tmp_path / "mine.py").write_text(
+        "import labkit as lk, pandas as pd\nfrom matplotlib.figure import Figure\n"
+        "@lk.register_figure('mine', several=True)\n"
+        'def mine(runs):\n    """Nothing."""\n    return Figure(), pd.DataFrame({\'runs\': [len(runs)]})\n'
+    )
+    words = ["figure", "mine", shear_file, "--use", "mine.py", "-o", "m.png"]
+    shutil.copy(shear_file, tmp_path / "second.run.nc")
+    done = labkit_command(*words[:3], "second.run.nc", *words[3:], cwd=tmp_path)
+    assert done.returncode == 0 and done.stdout.endswith("2\n"), done.stderr
+    done = labkit_command(*words[:3], model_file, *words[3:], cwd=tmp_path)
+    assert done.returncode == 2 and "model.run.nc holds no contacts" in done.stderr
+
+
+def test_a_figure_says_what_it_lacks(sheared):
+    with pytest.raises(lk.InputError, match="step 2 does not apply to the figure envelope, only to figures of runs"):
+        FIGURES["envelope"](sheared, step=2)
+    with pytest.raises(lk.InputError, match="the figure test has no run: give it first"):
+        FIGURES["test"](run=sheared)
 
 
 def test_cyclic_resistance_has_a_point_for_each_test(liquefied):
