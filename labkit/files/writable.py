@@ -32,23 +32,23 @@ def require_writable(
     if path.is_dir():
         raise InputError(f"{path} is a directory: give a file name")
     if len(path.name.encode()) > 200:
-        raise InputError(f"{path.name[:40]}... is too long for a file name: choose another -o")
+        raise InputError(f"{path.name[:40]}... is too long for a file name: choose another name")
     if path.exists():
         if not path.is_file():
-            raise InputError(f"{path} is not a regular file: choose another -o")
+            raise InputError(f"{path} is not a regular file: choose another name")
         if not path.stat().st_mode & WRITABLE:
-            raise InputError(f"{path} is read-only: change its permissions, or choose another -o")
+            raise InputError(f"{path} is read-only: change its permissions, or choose another name")
         existing = labkit_kind(path)
         if (kind or existing) and existing != kind:
-            raise InputError(f"{path} is {kind_in_words(existing)}: it would be overwritten; choose another -o")
+            raise InputError(f"{path} is {kind_in_words(existing)}: it would be overwritten; choose another name")
     if not path.parent.is_dir():
-        raise InputError(f"{path.parent} is not a directory: create it first, or choose another -o")
+        raise InputError(f"{path.parent} is not a directory: create it first, or choose another name")
     try:
         tempfile.TemporaryFile(
             dir=path.parent, prefix=".labkit-"
         ).close()  # without a name: a signal leaves nothing behind
     except OSError as error:
-        raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another -o") from None
+        raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another name") from None
 
 
 def stem(file: str | os.PathLike[str]) -> str:

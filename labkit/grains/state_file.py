@@ -94,7 +94,7 @@ def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int 
         with open_netcdf(path, "run", verify) as dataset:
             return state_in_run(path, dataset, snapshot)
     if snapshot is not None:
-        raise InputError(f"is for run files, and {path} is not one: leave it out", field="snapshot", value=snapshot)
+        raise InputError(f"snapshot {snapshot} is for run files, and {path} is not one: leave it out")
     with open_netcdf(path, "state", verify) as dataset:
         return read_valid(path, lambda: read_group(dataset, dataset))
 
@@ -104,8 +104,8 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
     if snapshot is not None:
         sizes = values_of(run["contacts"]["row_size"])
         if not -len(sizes) <= snapshot < len(sizes):
-            problem, allowed = f"is not in {path}, which has {len(sizes)}", f"a number from 0 to {len(sizes) - 1}"
-            raise InputError(problem, field="snapshot", value=snapshot, allowed=allowed)
+            problem = f"snapshot {snapshot} is not in {path}, which has {len(sizes)}"
+            raise InputError(f"{problem}: give a number from 0 to {len(sizes) - 1}")
         at, fields = _snapshot_in(run, snapshot % len(sizes), sizes), _attributes_of(run)
         if at.time != fields.get("time") or "checkpoint" not in run.groups:
             changes = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}

@@ -196,7 +196,7 @@ def test_a_read_only_file_is_not_replaced(small, tmp_path, capsys):
     file.chmod(0o444)
     words = ["specimen", "--void-ratio", "0.65", "--grains", "120", "--engine", "fused", "-o", str(file)]
     assert main(words) == 2 and capsys.readouterr().err == (
-        f"labkit: {file} is read-only: change its permissions, or choose another -o\n"
+        f"labkit: {file} is read-only: change its permissions, or choose another name\n"
     )
     assert file.read_bytes() == small.read_bytes()
 

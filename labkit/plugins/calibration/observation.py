@@ -19,7 +19,7 @@ VARIABLES = (
     "normal_force_anisotropy",
     "mobilisation",
 )
-MOST_RECORDS = 80  # largest number of records used from one run
+MOST_RECORDS = 80  # largest number of records used from one run, apart from reversals
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -40,8 +40,9 @@ class Observation:
 def observe(name: str, run: xarray.Dataset) -> Observation:
     """Return the Observation of a run opened with labkit.open_run.
 
-    At most MOST_RECORDS records are used, evenly spaced in accumulated strain. e is the nominal void ratio, which C0
-    uses and which is consistent with the strain. Only the triaxial part of the tensors and of the strain is used.
+    At most MOST_RECORDS records, evenly spaced in accumulated strain, and every reversal are used. e is the nominal
+    void ratio, which C0 uses and which is consistent with the strain. Only the triaxial part of the tensors and of the
+    strain is used.
     Raises InputError for a run with fewer than 10 records with contacts, or without strain.
     """
     strain = triaxial(run["strain"].values)

@@ -179,6 +179,8 @@ def _holds(condition: Held, stress: np.ndarray, test: Measured) -> list[Doubt]:
 def _other_pressure(name: str, measured: float, stated: float, test: Measured) -> Doubt:
     """Return the finding for a first stress that differs from the one stated, with what to give instead."""
     text = f"the {name} is {kilopascal(measured)} in line {test.line(0)}, and --pressure says {kilopascal(stated)}"
+    if measured == 0.0:
+        return Doubt(f"{text}: give the column of the stresses that were measured", True)
     factor = measured / stated
     if factor > 500.0 or 0.0 < factor < 2e-3:
         factors = f"about {factor:.3g} times too large" if factor > 1.0 else f"about {1.0 / factor:.3g} times too small"

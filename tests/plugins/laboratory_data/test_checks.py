@@ -63,6 +63,10 @@ CASES = {
         {"rows": [row.replace(",100", ",400") for row in ROWS]},
         "radial stress is 400 kPa in line 2, and --pressure says 100 kPa: give --pressure 400kPa; or, if .* total",
     ),
+    "no stresses": (
+        {"rows": [f"{row.rsplit(',', 2)[0]},0,0" for row in ROWS]},
+        "--pressure says 100 kPa: give the column of the stresses that were measured",
+    ),
     "MPa for kPa": (
         {
             "columns": {
