@@ -160,7 +160,7 @@ def _on_grains(
     path = test.path(chosen.rate, initial.pressure if initial is not None and initial.isotropic else None)
     if initial is not None and not initial.isotropic:
         before = output.removesuffix(".run.nc") + ".initial.run.nc"
-        carry_out(state, way_to(initial.stress), Options(snapshots=0), before)
+        carry_out(state, way_to(initial.stress, chosen.rate), Options(snapshots=0), before)
         state = read_state(before).at_rest()
     return lambda: carry_out(state, path, recording, output)
 

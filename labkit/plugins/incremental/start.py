@@ -78,13 +78,16 @@ def read_constants(file: str | os.PathLike[str]) -> list[float]:
 SAME = 0.01  # largest difference between the stress of a state and the given stress, divided by the given stress
 
 
-def way_to(stress: np.ndarray) -> Steps:
-    """Return the path from an isotropic stress to a stress (3, 3), Pa, with the same mean; it holds all stresses."""
+def way_to(stress: np.ndarray, rate: float | str | None = None) -> Steps:
+    """Return the path from an isotropic stress to a stress (3, 3), Pa, with the same mean; it holds all stresses.
+
+    `rate` is the largest strain rate, 1/s.
+    """
     pressure = float(mean_stress(stress))
     variables = VARIABLES["cartesian"]
     values = np.einsum("aij,ij->a", variables.tensors, stress)
     step = mixed_step(variables, (True,) * 6, values, absolute=True, label="the way to the initial stress")
-    return Steps(steps=(step,), pressure=f"{pressure!r} Pa")
+    return Steps(steps=(step,), rate=rate, pressure=f"{pressure!r} Pa")
 
 
 def model_from_constants(file: str | os.PathLike[str], stress_unit: str = "kPa") -> Model:

@@ -73,6 +73,15 @@ def test_on_grains(folder, monkeypatch):
     assert (folder / "again.out").read_text() == (folder / "grains.out").read_text()
 
 
+def test_the_rate_is_also_that_of_the_way_to_the_initial_stress(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    (folder / "sheared.inp").write_text("6\n-220\n-200\n-200\n0\n0\n0\n1\n0.62\n")
+    arguments = ["driver", "test.inp", "--on", "s.state.nc", "--initial", "sheared.inp", "--rate", "1e5"]
+    assert main([*arguments, "-o", "sheared.run.nc", "--columns", "sheared.out"]) == 2
+    assert "--rate 100000 gives" in capsys.readouterr().err
+    assert not (folder / "sheared.initial.run.nc").exists()
+
+
 def test_on_the_model(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     arguments = ["driver", "test.inp", "--on", "model", *FILES, "--parameters", "parameters.inp"]
