@@ -13,7 +13,7 @@ from functools import partial
 from benchmarks.rounds import alternate, ratio
 from benchmarks.speed import speed
 from labkit.engines.base import Progress
-from labkit.process.interruption import die_with_parent
+from labkit.process.children import die_with_parent
 
 
 @contextlib.contextmanager

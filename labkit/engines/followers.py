@@ -33,9 +33,9 @@ from labkit.engines.base import Engine
 from labkit.engines.server import ENDING, RESUME, SILENCE, last_line, printed, start_process, wait_for_program
 from labkit.errors import InputError, PhysicsError, ProgramError, fail
 from labkit.grains.state import State
-from labkit.process.children import without_current_folder
+from labkit.process.children import die_with_parent, without_current_folder
 from labkit.process.extras import install_command, require_library
-from labkit.process.interruption import die_with_parent, ending_signals
+from labkit.process.interruption import ending_signals
 from labkit.process.system import number_of_cores
 from labkit.version import __version__
 

@@ -39,6 +39,7 @@ from labkit.errors import Interrupted, PhysicsError, ProgramError
 from labkit.files.schema import STATE
 from labkit.grains.columns import history_fields
 from labkit.grains.state import State
+from labkit.process.children import start_child
 from labkit.process.interruption import ending_signals, signal_caught
 
 PROTOCOL = 2  # incremented when messages change; must be equal in both processes
@@ -95,8 +96,7 @@ def start_process(command: Sequence[str], **options: Any) -> subprocess.Popen[by
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, *ending_signals()))
     try:
-        options = {"stdin": subprocess.DEVNULL, **options}
-        return subprocess.Popen(command, stderr=subprocess.STDOUT, start_new_session=True, **options)
+        return start_child(command, stderr=subprocess.STDOUT, start_new_session=True, **options)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
+    from labkit.process.children import die_with_parent as die_with_parent
     from labkit.process.children import without_current_folder as without_current_folder
     from labkit.process.extras import install_command as install_command
-    from labkit.process.interruption import die_with_parent as die_with_parent
     from labkit.process.interruption import lock_of as lock_of
     from labkit.process.progress import reporter as reporter
 else:

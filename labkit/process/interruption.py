@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import errno
 import functools
 import math
@@ -249,9 +248,3 @@ def is_being_written(file: Path) -> bool:
     except OSError as error:
         return error.errno not in NO_LOCKS
     return False
-
-
-def die_with_parent() -> None:
-    """Kill this child when its parent ends, so that no orphan keeps writing the run file."""
-    with contextlib.suppress(OSError, AttributeError, TypeError):  # only Linux has prctl
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

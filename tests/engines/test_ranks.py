@@ -147,6 +147,18 @@ def test_a_search_frees_the_arrays_before_it_allocates_new_ones(on_ranks, specim
     assert len(left) > 1 and left == [None] * len(left)
 
 
+@pytest.mark.parametrize("stopped", ["follower", "launcher"])
+def test_a_stopped_process_does_not_outlive_a_killed_run(stopped, specimen, small_domains, tmp_path):
+    file = tmp_path / "r.run.nc"
+    run = subprocess.Popen(command(specimen, file, "--ranks", 2), env=small_domains, cwd=tmp_path)
+    wait_until(file.exists, run)
+    ranks = followers_of(run)
+    os.kill({"follower": ranks[-1], "launcher": ranks[0]}[stopped], signal.SIGSTOP)
+    run.kill()
+    run.wait()
+    wait_until(lambda: not any(os.path.exists(f"/proc/{number}") for number in ranks))
+
+
 COMPILES_NOTHING = """\
 import sys
 if "labkit.engines.followers" in sys.orig_argv:

@@ -74,14 +74,25 @@ def test_a_run_whose_yade_is_killed_can_be_resumed(state, tmp_path):
         np.testing.assert_array_equal(resumed.data[name].values, whole.data[name].values)
 
 
-def test_yade_ends_when_labkit_is_killed(specimen_file, tmp_path):
+@pytest.mark.parametrize("before", [signal.SIGCONT, signal.SIGSTOP])
+def test_yade_ends_when_labkit_is_killed(before, specimen_file, tmp_path):
     words = ["run", "cv", specimen_file, "--engine", "yade", "--strain", "0.1", "-o", tmp_path / "r.run.nc"]
     process = subprocess.Popen([sys.executable, "-m", "labkit.cli", *map(str, words)], stderr=subprocess.DEVNULL)
     wait_until((tmp_path / "r.run.nc").exists, process)
     (number,) = yades(process.pid)
+    os.kill(number, before)
     process.kill()
     process.wait()
     wait_until(lambda: not Path(f"/proc/{number}").exists())
+
+
+def test_yade_outlives_the_thread_that_started_it(state, monkeypatch):
+    monkeypatch.setattr(server, "IDLE", type(server.IDLE)(list))
+    started = []
+    thread = threading.Thread(target=lambda: started.append(YadeEngine(state)))
+    thread.start()
+    thread.join()
+    started[0].advance(1, np.zeros((3, 3)))
 
 
 def test_a_yade_that_hangs_is_given_up(state, monkeypatch):

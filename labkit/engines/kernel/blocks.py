@@ -27,6 +27,7 @@ from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import write_function
 from labkit.once import LOCK, once
+from labkit.process.children import start_child
 from labkit.process.system import number_of_cores
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
@@ -139,13 +140,12 @@ def shared_functions(needs: Needs) -> list[tuple[str, Write, str]]:
 @contextlib.contextmanager
 def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> Iterator[None]:
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
-    complete = all(is_kept(name, stamp) for name, _, stamp in functions)
-    process, nowhere = None, subprocess.DEVNULL
+    process = None
     idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()  # otherwise it costs time
-    if idle and not complete and compiled_folder() is not None:
+    if idle and compiled_folder() is not None and not all(is_kept(name, stamp) for name, _, stamp in functions):
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed
-            process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
+            process = start_child(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield
         if process is not None:

@@ -22,7 +22,7 @@ from labkit.cli.dispatch import report_errors
 from labkit.errors import InputError, fail
 from labkit.files.atomic import open_log, require_no_link
 from labkit.plugins.campaigns import layout
-from labkit.process.interruption import die_with_parent
+from labkit.process.children import die_with_parent
 from labkit.text.foreign import content_of, noting_files
 
 if TYPE_CHECKING:

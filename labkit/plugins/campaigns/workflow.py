@@ -19,9 +19,9 @@ from labkit.files.atomic import name_file_in_errors, open_log
 from labkit.plugins.campaigns import layout
 from labkit.plugins.campaigns.file import Campaign, copy_campaign, to_write
 from labkit.plugins.campaigns.plan import require_campaign_folder, write_plan
-from labkit.process.children import without_current_folder
+from labkit.process.children import start_child, without_current_folder
 from labkit.process.extras import install_command
-from labkit.process.interruption import die_with_parent, is_being_written, only_writer
+from labkit.process.interruption import is_being_written, only_writer
 
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
@@ -92,15 +92,13 @@ def watch(command_line: Sequence[str], folder: Path, progress: Progress, environ
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
     """
     with name_file_in_errors(folder / LOG), open_log(folder / LOG) as log:
-        child = subprocess.Popen(
+        child = start_child(
             command_line,
             cwd=folder,
             env=environment,
-            preexec_fn=die_with_parent,
             process_group=0,
             text=True,
             errors="replace",
-            stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         )
