@@ -48,7 +48,7 @@ def finished(campaign: str | Path) -> list[Path]:
 
 def ended(file: Path) -> bool:
     """True if the run in a file is finished."""
-    with open_netcdf(file, "run", verify=False) as dataset:
+    with open_netcdf(file, "run") as dataset:
         return bool(dataset.getncattr("complete")) or bool(getattr(dataset, "ended_because", ""))
 
 

@@ -37,8 +37,7 @@ settings.load_profile("repeat")
 
 # A user's own settings change no test; tox.ini also leaves out those that Python reads when it starts.
 SETTINGS = re.compile(
-    "COLUMNS|DISPLAY|LINES|LABKIT_(C|MPIEXEC|PYTHON|RESULTS|TRUST|USE|YADE)|MPL|NUMBA_|OMP_|"
-    "PYTHONWARNINGS|XDG_CACHE_HOME"
+    "COLUMNS|DISPLAY|LINES|LABKIT_(C|MPIEXEC|PYTHON|RESULTS|USE|YADE)|MPL|NUMBA_|OMP_|PYTHONWARNINGS|XDG_CACHE_HOME"
 )
 for name in [*filter(SETTINGS.match, os.environ)]:
     del os.environ[name]

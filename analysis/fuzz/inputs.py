@@ -6,13 +6,11 @@ import dataclasses
 import hashlib
 import importlib.util
 import json
-import shutil
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 
 import labkit as lk
@@ -33,10 +31,6 @@ def make_inputs(folder: Path) -> dict[str, Path]:
     path = lk.paths.ConstantVolume(strain=4e-3, rate=50.0)
     with warnings.catch_warnings(action="ignore"):  # faster than quasi-static
         lk.run(state, path, file=files["r.run.nc"], progress=False, snapshots=2)
-    for name, file in (("old.state.nc", "s.state.nc"), ("old.run.nc", "r.run.nc")):
-        shutil.copy(files[file], folder / name)
-        with netCDF4.Dataset(folder / name, "a") as dataset:  # the netCDF library removes the seal
-            del dataset.seal
     for name, (content, _) in TEXTS.items():
         (folder / name).write_bytes(content())
     for name, write in INSTALLED.items():
@@ -148,9 +142,6 @@ READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # name of the data ->
     "state": ("s.state.nc", read_state),
     "run": ("r.run.nc", read_run),
     "checkpoint": ("r.run.nc", resume),
-    "state of 0.1.0": ("old.state.nc", read_state),
-    "run of 0.1.0": ("old.run.nc", read_run),
     **{name: (name, read_text) for name in TEXTS},
     **{name: (name, read_foreign) for name in INSTALLED},
 }
-OLD = ("state of 0.1.0", "run of 0.1.0")  # their attributes have no hash: damage there may give other numbers

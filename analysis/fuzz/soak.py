@@ -43,6 +43,7 @@ from analysis.fuzz.kills import (
 )
 from labkit.engines import yade_program
 from labkit.files import labkit_kind, open_netcdf
+from labkit.files.netcdf import hash_verdict
 from labkit.process import lock_of
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE or ranks, to one of these, or to all
@@ -314,7 +315,7 @@ def faults_of(file: Path, hurt: Path | None) -> list[str]:
         if kind is None:
             raise lk.InputError(f"{file.name} is not a labkit file")
         with open_netcdf(file, kind):
-            return []
+            return [f"{file.name}: other data than those of its hash"] * (hash_verdict(file) == "differs")
     except lk.InputError as error:
         return [] if file == hurt else [str(error)]
 

@@ -115,10 +115,6 @@ def parse(argv: Sequence[str]) -> tuple[Function, Values]:
 
     options = parser_for(command, argv[1:]).read(argv[1:])
     options.command_line = shlex.join(["labkit", *argv])
-    if options.trust:
-        from labkit.files.netcdf import TRUST
-
-        os.environ[TRUST] = "1"  # inherited by child processes
     return command.function, Made(command.function).arguments(options)
 
 
@@ -130,8 +126,6 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
     Made(command.function).add(parser)
     use = "Python file that registers paths, contact laws, statistics, engines, figures or commands"
     parser.add_argument("--use", action="append", metavar="FILE", help=use)
-    trust = "read files whose hashes show that they are damaged or changed, as far as possible"
-    parser.add_argument("--trust", action="store_true", help=trust)
     lists = command.epilog(list(words)) if command.epilog and HELP & set(words) else ""
     parser.epilog = wrap("\n\n".join(text for text in (lists, command.examples) if text))
     parser.shorten_usage()

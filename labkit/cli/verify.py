@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import Csv, History, Option, strain
+from labkit.cli.arguments import Csv, Option, strain
 from labkit.cli.outputs import name_beside, require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.files.provenance import write_with_provenance
@@ -104,8 +104,6 @@ def info_command(
     file: Annotated[str, Option("state file, run file, or any other file that labkit wrote")],
     *,
     check: Annotated[bool, Option("recompute the hashes of its data and of its input files")] = False,
-    seal: Annotated[bool, Option("first renew the hashes of a file that you have edited with another program")] = False,
-    history: History,
 ) -> int:
     """Prints the contents of a state, run or probes file, and how it was made: command, versions, computer, inputs.
 
@@ -113,12 +111,9 @@ def info_command(
 
     Examples:
         labkit info r.run.nc --check
-        labkit info r.run.nc --seal    # after ncatted -a title,global,o,c,"dense sand" r.run.nc
     """
-    from labkit.results.info import check_file, describe_file, renew_hashes
+    from labkit.results.info import check_file, describe_file
 
-    if seal:
-        renew_hashes(file, f"{history}: edited by another program")
     print(describe_file(file))
     if not check:
         return 0

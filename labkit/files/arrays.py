@@ -3,7 +3,7 @@
 A browser has no netCDF library, so labkit writes and reads such files there; everywhere else it reads them too, and
 writes them if their name ends with .npz. The archive holds GROUP/VARIABLE.npy for each variable, which numpy.load
 reads, and `header.json` with dimensions and attributes. A Dataset offers the part of netCDF4.Dataset that labkit
-uses, so the schema, the hashes and the seal of the file are the same.
+uses, so the schema, and the hash of the file are the same.
 """
 
 from __future__ import annotations

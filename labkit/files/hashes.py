@@ -1,14 +1,4 @@
-"""Hashes of files, and the seal: the SHA-256 of all bytes of a netCDF file, appended to it.
-
-A netCDF-4 file may be longer than its content; HDF5 ignores the bytes that follow. labkit appends the line
-
-    labkit sha256 <64 hexadecimal digits>
-
-to every netCDF file, also at each save of an unfinished run, and checks this line before it opens the file. The seal
-also covers what `data_sha256` and fletcher32 do not: attributes, the checkpoint and HDF5's own tables. Computing it
-takes 0.5 ns per byte. A program that changes the file with the netCDF library removes the line, but the attribute
-`seal` still shows that the file had a seal.
-"""
+"""Hashes: of all bytes of a file, and of the data in a netCDF file, which HDF5 itself protects from damage."""
 
 from __future__ import annotations
 
@@ -16,7 +6,6 @@ import functools
 import hashlib
 import math
 import os
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -30,9 +19,6 @@ if TYPE_CHECKING:
 Name = str | os.PathLike[str]  # name of a file
 Result = TypeVar("Result")
 
-MARK = b"\nlabkit sha256 "
-SEAL = len(MARK) + 64 + 1  # bytes in the last line of a sealed file
-NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the attribute `seal`
 BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
 
@@ -55,7 +41,11 @@ def once_per_version(function: Callable[[Name], Result]) -> Callable[[Name], Res
 @once_per_version
 def file_sha256(file: Name) -> str:
     """Return the SHA-256 of all bytes of a file, hexadecimal."""
-    return _sha256(file, os.path.getsize(file))
+    digest = hashlib.sha256()
+    with open(file, "rb") as handle:
+        while part := handle.read(BLOCK):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def data_sha256(dataset: netCDF4.Dataset) -> str:
@@ -89,48 +79,6 @@ def values_of(variable: Any, rows: object = ...) -> np.ndarray:
         return np.ascontiguousarray(np.ma.getdata(variable[rows]))
     except (RuntimeError, OSError, IndexError, ValueError):
         raise DamagedVariable(f"{variable.name} cannot be read") from None
-
-
-def seal(file: Name) -> None:
-    """Append the hash of all bytes to a netCDF file without a seal."""
-    digest = _sha256(file, os.path.getsize(file))
-    with open(file, "ab") as handle:
-        handle.write(MARK + digest.encode() + b"\n")
-
-
-def copy_unsealed(file: Name, to: Name) -> None:
-    """Copy a netCDF file without its seal, so that the copy can be extended."""
-    shutil.copyfile(file, to)
-    if (sealed := _seal_of(file)) is not None:
-        os.truncate(to, sealed[0])
-
-
-@once_per_version
-def seal_is_right(file: Name) -> bool | None:
-    """Return True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
-    sealed = _seal_of(file)
-    return None if sealed is None else _sha256(file, sealed[0]) == sealed[1]
-
-
-def _seal_of(file: Name) -> tuple[int, str] | None:
-    """Return the number of bytes before the seal, and the hash in it; None if the file has no seal."""
-    size = os.path.getsize(file) - SEAL
-    if size < 0:
-        return None
-    with open(file, "rb") as handle:
-        handle.seek(size)
-        end = handle.read(SEAL)
-    return (size, end[len(MARK) : -1].decode("latin-1")) if end.startswith(MARK) else None
-
-
-def _sha256(file: Name, size: int) -> str:
-    """Return the SHA-256 of the first `size` bytes of a file, hexadecimal."""
-    digest = hashlib.sha256()
-    with open(file, "rb") as handle:
-        while size and (part := handle.read(min(BLOCK, size))):
-            digest.update(part)
-            size -= len(part)
-    return digest.hexdigest()
 
 
 def parts_of(variable: Any) -> Iterator[np.ndarray]:

@@ -1,16 +1,14 @@
 """Reads and writes all netCDF files of labkit.
 
-Reading: the file is checked against its hashes (labkit.files.hashes) and the schema before a value is used. An error of
-the netCDF library becomes one sentence that names the file and the variable. A file without hashes, from a different
-program, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
+Reading: HDF5 checks its own checksums, which cover data, attributes and tables, and the schema is checked before a
+value is used. An error of the netCDF library becomes one sentence that names the file.
 
-Writing: the hashes are added to a complete file, and only then does the file appear under its name.
+Writing: a complete file gets the hash of its data, and only then does it appear under its name.
 """
 
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -19,9 +17,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from labkit.errors import InputError, notice
+from labkit.errors import InputError
 from labkit.files.atomic import reserve, whole_file
-from labkit.files.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
+from labkit.files.hashes import DamagedVariable, data_sha256
 from labkit.files.library import LIBRARY
 from labkit.files.opening import dataset_at, require_name
 from labkit.files.schema import AXES, SIZES, TIME, Variable, require_schema
@@ -32,45 +30,36 @@ if TYPE_CHECKING:
     import xarray
 
 CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values in a chunk along a dimension
-TRUST = "LABKIT_TRUST"  # environment variable that the child processes of a command inherit
+LOCKING = "HDF5_USE_FILE_LOCKING"  # environment variable of HDF5
 MARGIN = 50_000  # approximate size of a small file without its arrays, bytes
 NETCDF = "NetCDF:"  # start of messages of the netCDF library
-ADVICE = "restore a copy or create it again; --trust reads it anyway"
+ADVICE = "restore a copy or create it again"
 
 
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
 @contextlib.contextmanager
-def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) -> Iterator[netCDF4.Dataset]:
-    """Context with a netCDF4.Dataset open for reading, after its hashes and schema have been checked.
+def open_netcdf(path: str | os.PathLike[str], kind: str) -> Iterator[netCDF4.Dataset]:
+    """Context with a netCDF4.Dataset open for reading, after its schema has been checked.
 
-    Raises InputError if the file is damaged or not a labkit file of this kind.
-
-    Args:
-        path: The file.
-        kind: Kind of file: "state", "run", "probes" or "statistics".
-        verify: False to check only the hash of the bytes, for a command that only shows the contents of a file.
+    `kind` is "state", "run", "probes" or "statistics". Raises InputError if the file is damaged or of another kind.
     """
     path = Path(path)
-    with _open_checked(path, f"give a labkit {kind} file") as dataset:
+    with _open_named(path, f"give a labkit {kind} file") as dataset:
         actual = _text(dataset, "labkit_file")
         if actual != kind:
             raise InputError(f"{path} is {kind_in_words(actual)}: give a labkit {kind} file")
-        hashed = not verify or files_are_trusted() or _require_hashes(path, dataset)
         require_schema(path, dataset, kind)
-        if not hashed:
-            _warn_once(path)
         yield dataset
 
 
 def labkit_kind(path: str | os.PathLike[str]) -> str | None:
-    """Return the kind of a labkit file, e.g. `state`; None for any other file. Raises InputError if it is damaged."""
+    """Return the kind of a labkit file, e.g. `state`; None for any other file."""
     path = Path(path)
     if not path.is_file():
         return None
     require_name(path)
-    _require_seal(path)
     try:
         with LIBRARY, dataset_at(path) as dataset:
             return _text(dataset, "labkit_file")
@@ -80,21 +69,17 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
 
 def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
     """Return a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
-    with _open_checked(Path(path), "give a netCDF file") as dataset:
+    with _open_named(Path(path), "give a netCDF file") as dataset:
         return _text(dataset, name)
 
 
-def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
-    """Return (item, `same` or `differs`) for each hash of a netCDF file's own content. Raises InputError."""
-    right = dict[str, bool]()
-    with _open_checked(Path(path), "give a netCDF file") as dataset:
-        if seal_is_right(path) or "seal" in dataset.ncattrs():
-            right["all bytes of this file"] = bool(seal_is_right(path))
-        if (stored := _text(dataset, "data_sha256")) is not None:
-            right["the data of this file"] = False
-            with contextlib.suppress(DamagedVariable):
-                right["the data of this file"] = data_sha256(dataset) == stored
-    return [(item, "same" if same else "differs") for item, same in right.items()]
+def hash_verdict(path: str | os.PathLike[str]) -> str | None:
+    """Return whether the data of a netCDF file are the `same` as their hash, or it `differs`; None without a hash."""
+    with _open_named(Path(path), "give a netCDF file") as dataset:
+        stored = _text(dataset, "data_sha256")
+        with contextlib.suppress(DamagedVariable):
+            return stored and ("same" if data_sha256(dataset) == stored else "differs")
+        return "differs"
 
 
 def kind_in_words(kind: str | None) -> str:
@@ -102,28 +87,21 @@ def kind_in_words(kind: str | None) -> str:
     return f"a labkit {kind} file" if kind else "not a labkit file"
 
 
-def files_are_trusted() -> bool:
-    """Return True if hashes are not checked, because LABKIT_TRUST is set."""
-    return os.environ.get(TRUST, "") not in ("", "0")
-
-
 @contextlib.contextmanager
-def _open_checked(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
-    """Context with an open file, after its bytes have been compared with its seal, if any."""
+def _open_named(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
+    """Context with an open file, whose errors name it."""
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
     require_name(path)
     with LIBRARY:
         try:
-            _require_seal(path)
             dataset = dataset_at(path)
         except PermissionError:
             raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
         except (OSError, RuntimeError, UnicodeError):
-            if seal_is_right(path):
-                advice = "if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE before Python starts"
-                raise InputError(f"HDF5 cannot open {path}, although it is undamaged: {advice}") from None
-            raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
+            advice = f"; if its file system has no locks, set {LOCKING}=FALSE before Python starts"
+            advice = "" if os.environ.get(LOCKING) == "FALSE" else advice
+            raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}{advice}") from None
         with contextlib.closing(dataset), name_damage(path):
             yield dataset
 
@@ -148,30 +126,6 @@ def damage_error(path: str | os.PathLike[str], why: str) -> InputError:
     return InputError(f"{path} is damaged ({why}): {ADVICE}")
 
 
-def _require_seal(path: Path) -> None:
-    """Raise InputError if a file does not match its seal."""
-    if not files_are_trusted() and seal_is_right(path) is False:
-        raise damage_error(path, "its bytes differ from their hash")
-
-
-def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
-    """Return True if an open file matches its hashes, False if it has none. Raises InputError if it was changed."""
-    if seal_is_right(path):
-        return True
-    if "seal" in dataset.ncattrs():
-        raise damage_error(path, "another program has changed it, or its end is missing")
-    stored, actual = _text(dataset, "data_sha256"), data_sha256(dataset)
-    if stored is not None and actual != stored:
-        raise damage_error(path, "its data differ from data_sha256")
-    return stored is not None
-
-
-@functools.cache
-def _warn_once(path: Path) -> None:
-    """Report that a file has no hash, once per command."""
-    notice(f"{path} has no hash: damage or changes would not be noticed")
-
-
 def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
     """Return a text attribute of a file; None if it is missing or not text."""
     try:
@@ -186,7 +140,7 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
 
 @contextlib.contextmanager
 def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
-    """Context with a new netCDF4.Dataset; on success it becomes the file `path`, with its hashes.
+    """Context with a new netCDF4.Dataset; on success it becomes the file `path`.
 
     The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
     the disk is full or fails.
@@ -194,8 +148,6 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
     require_name(path)
     with whole_file(path) as temporary, name_failure(path), _on_disk(temporary, "w", size) as dataset:
         yield dataset
-        if "seal" not in dataset.ncattrs():
-            set_hashes(dataset)
 
 
 @contextlib.contextmanager
@@ -205,13 +157,13 @@ def extend_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
     At most `more` bytes may be added. Raises OSError as new_netcdf does.
     """
     with whole_file(path) as temporary, name_failure(path):
-        copy_unsealed(path, temporary)
+        shutil.copyfile(path, temporary)
         with _on_disk(temporary, "a", os.path.getsize(temporary) + more) as dataset:
             yield dataset
 
 
 def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: object) -> None:
-    """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
+    """Write an xarray.Dataset atomically as a netCDF file with its hash. Raises OSError as new_netcdf does."""
     from xarray.backends import NetCDF4DataStore
 
     require_name(path)
@@ -224,7 +176,7 @@ def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding:
 
 @contextlib.contextmanager
 def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
-    """Context with an open netCDF4.Dataset; on success the file is sealed.
+    """Context with an open netCDF4.Dataset; on success the file has its hash.
 
     HDF5 may crash the interpreter if its last write fails. The disk space is therefore allocated first
     (`reserve`), and everything is on the disk before the file is closed: closing only rewrites the first 48 bytes. (A
@@ -234,32 +186,31 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
     with open(file, "ab") as handle:
         with LIBRARY, dataset_at(file, mode) as dataset:
             yield dataset
+            set_hash(dataset)
             dataset.sync()
             os.fsync(handle.fileno())
-    close_with_seal(file)
+    _require_whole(file)
 
 
 def finish(file: Path) -> None:
-    """Add the hashes to a complete netCDF file that was just written."""
+    """Add the hash to a complete netCDF file that was just written."""
     with LIBRARY, dataset_at(file, "a") as dataset:
-        set_hashes(dataset)
-    close_with_seal(file)
+        set_hash(dataset)
+    _require_whole(file)
 
 
-def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
-    """Write the attributes with hashes, just before a file is closed; `complete` is False for an unfinished run."""
-    if complete:
+def set_hash(dataset: netCDF4.Dataset) -> None:
+    """Write the hash of the data of an open file, unless it is an unfinished run."""
+    for name in {"data_sha256", "seal"} & set(dataset.ncattrs()):  # the second is of files of earlier versions
+        dataset.delncattr(name)
+    if getattr(dataset, "complete", 1):
         dataset.data_sha256 = data_sha256(dataset)
-    elif "data_sha256" in dataset.ncattrs():
-        del dataset.data_sha256
-    dataset.seal = NOTE
 
 
-def close_with_seal(file: Path) -> None:
-    """Append the seal to a file that was just closed. Raises OSError if the file is truncated."""
-    with LIBRARY, dataset_at(file):  # HDF5 refuses a truncated file
+def _require_whole(file: Path) -> None:
+    """Raise OSError if a file that was just closed is truncated."""
+    with LIBRARY, dataset_at(file):
         pass
-    seal(file)
 
 
 @contextlib.contextmanager

@@ -25,7 +25,7 @@ from pathlib import Path
 from labkit.errors import InputError
 from labkit.files.atomic import write_text
 from labkit.files.hashes import Name, file_sha256
-from labkit.files.netcdf import attribute_of, hash_verdicts, labkit_kind
+from labkit.files.netcdf import attribute_of, hash_verdict, labkit_kind
 from labkit.files.schema import is_provenance
 from labkit.parameters import Values
 from labkit.text.foreign import noted_files, require_regular
@@ -192,7 +192,8 @@ def check(file: Name) -> list[tuple[str, str]]:
     if "sha256" in record:
         verdicts = [("this file", _verdict(file, record["sha256"]))]
     else:
-        verdicts = hash_verdicts(file) if labkit_kind(file) else []  # raises InputError if a seal is wrong
+        verdict = hash_verdict(file) if labkit_kind(file) else None
+        verdicts = [("the data of this file", verdict)] if verdict else []
     inputs = {
         f"input {item['file']}": (file.resolve().parent / item["file"], item) for item in record.get("inputs", [])
     }

@@ -81,21 +81,20 @@ def write_state(path: str | os.PathLike, state: State) -> None:
             dataset[name][...] = values
 
 
-def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
+def read_state(path: str | os.PathLike[str], snapshot: int | None = None) -> State:
     """Read the State in a state file, or the last saved State of a run file: for a finished run, its end.
 
-    If `verify` is False, the hash of the bytes is checked, but not the hash of the data (labkit.files.netcdf).
     `snapshot` is the index of a snapshot in a run file, counted from the end if negative. The grains of a snapshot
     are at rest, because snapshots have no velocities, unless the snapshot is from the same time as the last save.
     Raises InputError if the file is missing, damaged, of another kind, or without a checkpoint.
     """
     require_file_name(path, "labkit.read_state('s.state.nc')")
     if labkit_kind(path) == "run":
-        with open_netcdf(path, "run", verify) as dataset:
+        with open_netcdf(path, "run") as dataset:
             return state_in_run(path, dataset, snapshot)
     if snapshot is not None:
         raise InputError(f"snapshot {snapshot} is for run files, and {path} is not one: leave it out")
-    with open_netcdf(path, "state", verify) as dataset:
+    with open_netcdf(path, "state") as dataset:
         return read_valid(path, lambda: read_group(dataset, dataset))
 
 

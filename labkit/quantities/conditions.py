@@ -176,6 +176,8 @@ class _Reader:
         _require_same_unit(left, right)
         if of_right == before:
             raise InputError(f"no quantity is compared: give {EXAMPLE}")
+        if ast.dump(node.left) == ast.dump(node.comparators[0]):
+            raise InputError(f"`{ast.unparse(node.left)}` is compared with itself: give {EXAMPLE}")
         numbers = [part for part, varies in ((left, of_left > before), (right, of_right > of_left)) if not varies]
         with np.errstate(all="ignore"):
             if not all(np.isfinite(part.value({}, Facts())) for part in numbers):

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from labkit.files.hashes import NOTE, sha256_of_groups
-from labkit.files.netcdf import new_netcdf, set_hashes
+from labkit.files.hashes import sha256_of_groups
+from labkit.files.netcdf import new_netcdf
 from labkit.files.schema import CONTACTS, SIZES, Variable
 from labkit.grains.state import State
 from labkit.records.checkpoint import Checkpoint, write_checkpoint
@@ -45,7 +45,6 @@ class RunInMemory:
             append_records(dataset, self.table, self.recordings)
             dataset.setncatts(self.attributes)
             write_checkpoint(dataset, self.point)
-            set_hashes(dataset, self.point.complete)
 
     def contents(self) -> tuple[dict[str, object], Groups]:
         """Return the attributes, including hashes, and the variables that a file of this run would have."""
@@ -66,4 +65,4 @@ class RunInMemory:
             groups[group][variable.name] = variable, values
         arrays = (("/" + group, {name: values for name, (_, values) in of.items()}) for group, of in groups.items())
         hashes = {"data_sha256": sha256_of_groups(arrays)} if self.attributes["complete"] else {}
-        return {**self.attributes, "seal": NOTE, **hashes}, groups
+        return {**self.attributes, **hashes}, groups

@@ -23,7 +23,7 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.extensions import is_labkits
-from labkit.files.netcdf import damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
+from labkit.files.netcdf import damage_error, extend_netcdf, new_netcdf, open_netcdf
 from labkit.files.schema import BY_VOLUME, ECCENTRICITY, LOSSES, Variable
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
@@ -244,7 +244,6 @@ class Recorder:
             append_records(dataset, self.table, unsaved)
             dataset.setncatts(self._attributes(point))
             write_checkpoint(dataset, point)
-            set_hashes(dataset, point.complete)
 
     @property
     def _identity(self) -> dict[str, object]:

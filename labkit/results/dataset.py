@@ -26,17 +26,17 @@ from labkit.results.accessor import Lab
 from labkit.results.tables import with_axes
 
 
-def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
+def open_run(path: str | os.PathLike) -> xr.Dataset:
     """Open a run file as one lazy xarray.Dataset.
 
     Dimensions: `time` (records; coordinates `axial_strain`, `time`), `snapshot` (records with contacts), `contact`
     (ragged: `row_size` contacts per snapshot), `grain`, `side`, and `i`, `j` with the labels x, y, z: the axial stress
     is `run["stress"].sel(i="z", j="z")`. The variables of the groups `contacts` and `grains` keep their names and
     units. For a table of the records use `run.lab.to_dataframe()`: `run.to_dataframe()` would combine every record with
-    every contact and every grain. `verify` is as for read_state. Raises InputError if `path` is not a valid run file.
+    every contact and every grain. Raises InputError if `path` is not a valid run file.
     """
     require_file_name(path, "labkit.open_run('r.run.nc')")
-    with open_netcdf(path, "run", verify) as dataset:
+    with open_netcdf(path, "run") as dataset:
         try:
             Scene.from_json(dataset.scene)
         except InputError as error:

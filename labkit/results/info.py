@@ -13,9 +13,9 @@ import numpy as np
 import xarray
 
 from labkit.errors import InputError
-from labkit.files.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
+from labkit.files.netcdf import labkit_kind, open_netcdf
 from labkit.files.provenance import BESIDE, check, provenance_of, provenance_rows
-from labkit.files.schema import AXES, RECORD, STATE, kind_of_bodies, require_schema
+from labkit.files.schema import AXES, RECORD, STATE, kind_of_bodies
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state_file import read_state
@@ -43,14 +43,14 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         return "\n".join([f"{path}: labkit {kind}", *_lines(provenance_rows(provenance_of(path) or {}))])
     lines = [f"{path}: labkit {kind} file"]
     if kind == "state":
-        state = read_state(path, verify=False)
+        state = read_state(path)
         values = {name: f"{format_number(value)} {unit}" for name, (value, unit) in specimen_summary(state).items()}
         lines += ["summary", *_lines(values | stress_summary(love_stress(state.snapshot())), 24)]
     if kind == "run":
-        with open_run(path, verify=False) as run:
+        with open_run(path) as run:
             lines += ["summary", *_lines(run_summary(run), 24)]
     lines += ["attributes"]
-    with open_netcdf(path, kind, verify=False) as dataset:
+    with open_netcdf(path, kind) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
         table = RECORD if kind == "run" else STATE | kind_of_bodies(dataset.variables).table
         further = sorted(set(dataset.variables) - set(table) - set(AXES))
@@ -200,21 +200,6 @@ def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
         raise InputError(f"{path} holds no hashes: it is unfinished, or was written by an earlier version of labkit")
     lines = [f"  {subject:<40} {verdict}" for subject, verdict in verdicts]
     return lines, all(verdict == "same" for _, verdict in verdicts)
-
-
-def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
-    """Write new hashes to a netCDF file of labkit that was edited on purpose with a different program.
-
-    `note` is a line for the history of the file. Raises InputError for any other file, for one that the edit damaged,
-    and if bytes differ without such an edit.
-    """
-    kind = file_kind(path)
-    if kind in ("figure", "output"):
-        raise InputError(f"{path} is a labkit {kind}, which has no hashes itself: give a state, run or probes file")
-    with extend_netcdf(Path(path), 0) as dataset:
-        require_schema(path, dataset, kind)
-        dataset.history = f"{getattr(dataset, 'history', '')}\n{note}".strip()
-        set_hashes(dataset, complete="data_sha256" in dataset.ncattrs())
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:

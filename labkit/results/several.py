@@ -60,7 +60,7 @@ def separate(runs: xr.Dataset) -> Iterator[xr.Dataset]:
     """Yield each run of a campaign with the attributes of its file, without the records that pad it."""
     for number, file in enumerate(np.atleast_1d(runs["file"].values).tolist()):
         run = runs.isel(run=number) if "run" in runs.dims else runs
-        with open_netcdf(file, "run", verify=False) as dataset:
+        with open_netcdf(file, "run") as dataset:
             attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
         others = [name for name in run.dims if name not in SIZES]
         if others != ["time"]:

@@ -274,7 +274,7 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
     error, file = run["energy_balance_error"].values, run.encoding.get("source")
     if file is None or run.sizes["time"] == 0 or "ledger" not in run.attrs:
         return error
-    with open_netcdf(file, "run", verify=False) as dataset:
+    with open_netcdf(file, "run") as dataset:
         if "checkpoint" not in dataset.groups or len(dataset.dimensions["time"]) != len(error):
             return error
         created = np.array(ratcheting_of(dataset["checkpoint"], len(error)).work)

@@ -70,7 +70,7 @@ def announcing(task: AnyTask, title: str | None = None) -> Progress:
     The line appears with the first progress report, so it is not printed if the input is invalid.
     """
     title = title or task.title
-    steps_done = _attribute(str(task.output), "steps", verify=False) if isinstance(task, RunTask) else 0
+    steps_done = _attribute(str(task.output), "steps") if isinstance(task, RunTask) else 0
     reporters: list[Progress] = []
 
     def progress(fraction: float, text: str) -> None:
@@ -83,11 +83,11 @@ def announcing(task: AnyTask, title: str | None = None) -> Progress:
     return progress
 
 
-def _attribute(file: str, name: str, verify: bool = True) -> int:
+def _attribute(file: str, name: str) -> int:
     """Return an attribute of a run file; 0 if the file does not exist or lacks the attribute."""
     if labkit_kind(file) != "run":
         return 0
-    with open_netcdf(file, "run", verify=verify) as dataset:
+    with open_netcdf(file, "run") as dataset:
         return int(getattr(dataset, name, 0))
 
 

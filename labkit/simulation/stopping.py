@@ -67,7 +67,7 @@ class Stopping:
 
 def contents(file: File, path: Path) -> str:
     """Describe the records of an unfinished run file, e.g. `3 records, up to axial strain 0.60%`."""
-    with open_netcdf(file, "run", verify=False) as dataset:
+    with open_netcdf(file, "run") as dataset:
         records, measure = len(dataset.dimensions["time"]), path.strain_measure()
         strain = float(measure.at(dataset["strain"][-1].filled()))
     return f"{records} record{'s' * (records > 1)}, up to {measure.name} {strain:.2%}"

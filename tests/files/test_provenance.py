@@ -88,7 +88,7 @@ def test_the_data_hash_covers_only_the_data(folder, labkit_command):
 
 def test_checking_a_file_without_hashes_fails(folder, labkit_command):
     with netCDF4.Dataset(folder / "s.state.nc", "a") as state:
-        del state.data_sha256, state.provenance, state.seal
+        del state.data_sha256, state.provenance
     done = labkit_command("info", "s.state.nc", cwd=folder)
     assert done.returncode == 0 and "provenance" not in done.stdout
     done = labkit_command("info", "s.state.nc", "--check", cwd=folder)

@@ -192,7 +192,7 @@ def use_labkit(folder):
         ["picture", file, "-o", f"{folder}/c.png"],
     ):
         assert main(words) in (0, 1)  # so few grains may fail a check
-    assert main(["info", "--trust", f"{folder}/none"]) == 2
+    assert main(["info", "--check", f"{folder}/none"]) == 2
 
 
 if __name__ == "__main__":

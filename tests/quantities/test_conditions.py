@@ -67,6 +67,7 @@ REFUSED = {  # part of the message -> conditions
     "'inertial_number'": ("inertial_nmber > 1",),
     "`_0` is neither": ("_0 > 1", "p > 5 kPa and _0 < q", "abs(_0) < 5 kPa"),
     "no quantity is compared": ("1 > 0.5", "q > 1 kPa or 5 kPa > 1 kPa", "abs(-1) > 0.5 and q > 1 kPa"),
+    "is compared with itself": ("q > q", "q/p > 1 and abs(e) <= abs( e )"),
     "a number is too large": ("p > 1e400 kPa", "q/p > 1e308*1e308", "q < 1e306 kPa*1e3 and p > 5 kPa", "q/p > 1/0"),
     "depends on all records": ("cycles > 3", "accumulated_strain > 1 %", "dilation_angle > 10"),
 }

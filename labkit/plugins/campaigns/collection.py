@@ -158,7 +158,7 @@ def _column(cells: Sequence[tuple[object, dict[str, str]] | None]) -> tuple[str,
 
 
 def _read(file: Path) -> _File:
-    with open_netcdf(file, "run", verify=False) as run:  # the hashes are checked when values are read
+    with open_netcdf(file, "run") as run:
         texts = {name: getattr(run, name, "") for name in ("recipe", "provenance", "path_parameters", "scene")}
         stored = {name: json.loads(text) if text else {} for name, text in texts.items()}
         inputs, name = [source["file"] for source in stored["provenance"].get("inputs", [])], run.getncattr("path")

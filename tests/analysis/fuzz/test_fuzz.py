@@ -33,9 +33,7 @@ def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     for row in rows:
         kinds[row["class"]] += int(row["cases"])
     assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 4
-    assert kinds["campaign files"] == 3 and kinds["options"] == 6 and kinds["run of 0.1.0"] == 4
-    sealed = [row for row in rows if row["class"] in ("state", "run", "checkpoint")]
-    assert sum(int(row["refused"]) for row in sealed) == 12
+    assert kinds["campaign files"] == 3 and kinds["options"] == 6
     assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "manifest.json"]
 
 
