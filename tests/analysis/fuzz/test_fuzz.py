@@ -125,7 +125,7 @@ def soaked(tmp_path_factory):
         for module in (kills, soak):
             patch.setattr(module, "jobs", lambda engine: one)
         patch.setattr(soak, "yade_program", lambda: None)
-        patch.setitem(soak.GIVEN, "soak", {"specimens": [], "runs": []})
+        patch.setitem(soak.GIVEN, "soak", {"specimens": [], "runs": [], "others": []})
         yield soak.Soak(tmp_path_factory.mktemp("soak"))
 
 
