@@ -42,8 +42,7 @@ from analysis.fuzz.kills import (
     wait_for_job,
 )
 from labkit.engines import yade_program
-from labkit.files import labkit_kind, open_netcdf
-from labkit.files.netcdf import hash_verdict
+from labkit.files import hash_verdict, labkit_kind, open_netcdf
 from labkit.process import lock_of
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE or ranks, to one of these, or to all

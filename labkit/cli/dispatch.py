@@ -8,8 +8,9 @@ import itertools
 import os
 import shlex
 import sys
+import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
@@ -27,6 +28,7 @@ EPILOG = """\
 `labkit COMMAND --help` explains a command and gives an example.
 
 exit codes: 0 done; 1 the simulation or a check failed; 2 invalid input; 130 or 143 stopped by a signal"""
+LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")  # Numba's threading layers
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -92,6 +94,7 @@ def _run_and_report(work: Callable[[], int]) -> int:
 
 def _call(argv: list[str]) -> int:
     """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
+    require_environment(os.environ)
     separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
     for file in separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]:
         extensions.use(file)  # first, because the options of a command may depend on it
@@ -130,3 +133,17 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
     parser.epilog = wrap("\n\n".join(text for text in (lists, command.examples) if text))
     parser.shorten_usage()
     return parser
+
+
+def require_environment(variables: Mapping[str, str]) -> None:
+    """Raise InputError if an environment variable or the clock has a value with which Numba or Python cannot start."""
+    try:
+        time.time()
+    except OverflowError:
+        raise InputError("the clock of this computer is not between the years 1678 and 2262: set it") from None
+    threads, layer = variables.get("NUMBA_NUM_THREADS"), variables.get("NUMBA_THREADING_LAYER")
+    if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
+        raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")
+    if layer is not None and layer not in LAYERS:
+        allowed = ", ".join(LAYERS)
+        raise InputError(f"the environment variable NUMBA_THREADING_LAYER is {layer!r}: give {allowed}, or unset it")

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from labkit.files.hashes import file_sha256 as file_sha256
     from labkit.files.netcdf import create_variables as create_variables
     from labkit.files.netcdf import finish as finish
+    from labkit.files.netcdf import hash_verdict as hash_verdict
     from labkit.files.netcdf import labkit_kind as labkit_kind
     from labkit.files.netcdf import open_netcdf as open_netcdf
     from labkit.files.provenance import provenance_json as provenance_json

@@ -292,7 +292,7 @@ class Grains(Material):
 
     def checkpoint(self, state: State, complete: bool) -> Checkpoint:
         """Return the Checkpoint of a State of this run."""
-        seconds = self.spent + time.monotonic() - self.began
+        seconds = self.spent + max(0.0, time.monotonic() - self.began)  # a restored virtual machine sets its clock back
         position = dataclasses.replace(self.position, skipped=self.clock.skipped)
         start = self.facts.reference
         state = state.replace(undrained_stress=() if start is None else tuple(np.ravel(start).tolist()))

@@ -77,7 +77,7 @@ BAD = {
     "no command": ("", "COMMAND"),
     "no run": ("verify", "the following arguments are required: RUN"),
     "rows that are no number": ("verify r.run.nc --rows many", "--rows: 'many' "),
-    "misspelled option": ("verify r.run.nc --treads 2", "--treads is not an option of labkit verify: did you mean --"),
+    "misspelled option": ("run cv s.state.nc --treads 2", "--treads is not an option of labkit run: did you mean --"),
     "misspelled command": ("infoo r.run.nc", "COMMAND 'infoo' is unknown: give 'info', or another of specimen, "),
     "misspelled path": ("run CR", "'cr'"),
     "unit apart": (

@@ -72,6 +72,15 @@ def test_a_name_that_is_not_utf_8_is_refused(small, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    "name, value", [("NUMBA_NUM_THREADS", "-1"), ("NUMBA_NUM_THREADS", "0"), ("NUMBA_THREADING_LAYER", "nonsense")]
+)
+def test_environment_variables_that_stop_numba_are_named(name, value, small, monkeypatch, capsys):
+    monkeypatch.setenv(name, value)
+    assert main(["info", str(small)]) == 2
+    assert capsys.readouterr().err.startswith(f"labkit: the environment variable {name} is '{value}': give ")
+
+
+@pytest.mark.parametrize(
     "name, value",
     [
         *(("NUMBA_DISABLE_JIT", value) for value in ("1", "true")),

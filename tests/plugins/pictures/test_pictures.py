@@ -149,7 +149,7 @@ def test_bad_input(command, run_file, specimen_file, tmp_path, monkeypatch, caps
         ([run_file, "--snapshot", 99], "99"),
         ([specimen_file, "--snapshot", 0], "snapshot 0 "),
         (["nothing.run.nc"], "does not exist"),
-        ([run_file, "-o", "no/f.png"] if command == "picture" else [run_file, "-o", run_file], "-o"),
+        ([run_file, "-o", "no/f.png"], "another name") if command == "picture" else ([run_file, "-o", run_file], "-o"),
     ):
         assert main([command, *map(str, arguments)]) == 2
         error = capsys.readouterr().err
