@@ -110,7 +110,7 @@ def _of_quantity(name: str, unit: str = "", factor: float = 1.0, least: float = 
     """Return a coordinate with values and label of the table of quantities, and the values times a factor in a unit."""
 
     def label(run: xarray.Dataset) -> str:
-        return BREAK.join(run.lab.quantity(name).attrs["long_name"].split(", ", 1)) + (unit and f" ({unit})")
+        return BREAK.join(run.lab.quantity(name).attrs["long_name"].rsplit(", ", 1)) + (unit and f" ({unit})")
 
     return Coordinate(label, lambda run, stress: factor * run.lab.quantity(name, stress).values, True, least)
 

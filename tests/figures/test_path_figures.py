@@ -65,7 +65,7 @@ def test_a_test_is_drawn_with_its_volume_and_in_kilopascals(sheared):
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[0] == "deviatoric stress,\ninvariant q (kPa)" and labels[3:] == [
         "stress ratio q/p",
-        "volumetric strain,\nlogarithmic, compression positive (%)",
+        "volumetric strain, logarithmic,\ncompression positive (%)",
         "void ratio e",
     ]
     np.testing.assert_allclose(curve(figure.axes[0])[1], 1e-3 * sheared.lab.q().values)
