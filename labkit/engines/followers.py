@@ -42,6 +42,8 @@ from labkit.version import __version__
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
 MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
+SHARED = Path("/dev/shm")  # where MPI makes the memory that ranks on one computer share (Linux)
+FIRST, EACH = 5, 2  # MB of it that MPI needs at least, and for each rank
 LARGE = 500_000  # bytes
 ROOT = Path(__file__).resolve().parents[2]
 READY = "labkit: ready"  # what a follower prints before it connects
@@ -59,13 +61,29 @@ def mpi_library() -> Any:
     mpi4py = require_library("mpi4py", "MPI ranks", "lammps")
     mpi4py.rc.finalize = False  # MPI would wait for ranks that were killed
     if "mpi4py.MPI" not in sys.modules:  # MPICH waits for ever if a killed process of this number left its memory
-        Path(f"/dev/shm/mpich_shm_{os.getpid():x}_0").unlink(missing_ok=True)
+        require_shared_memory(1)
+        (SHARED / f"mpich_shm_{os.getpid():x}_0").unlink(missing_ok=True)
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"MPI cannot be loaded ({reason}): install it with {install_command('lammps')}") from None
     return MPI
+
+
+def require_shared_memory(ranks: int) -> None:
+    """Raise InputError if MPI could not make the memory that `ranks` share: it would end this process itself."""
+    size = max(FIRST, EACH * ranks)
+    if not SHARED.is_dir() or not hasattr(os, "posix_fallocate"):  # another system
+        return
+    try:
+        with tempfile.TemporaryFile(dir=SHARED) as file:
+            os.posix_fallocate(file.fileno(), 0, size * 1_000_000)
+    except OSError as error:
+        raise InputError(
+            f"MPI needs {size} MB of memory in {SHARED} ({os.strerror(error.errno or 0)}): delete what killed programs "
+            f"left there, or give a container more, e.g. `docker run --shm-size 1g`"
+        ) from None
 
 
 def launcher() -> list[str]:
@@ -259,6 +277,8 @@ def start_followers(size: int, threads: int) -> Ranks:
         problem = "are too many for this computer" if threads == 1 else f"of {threads} threads are too many here"
         raise InputError(problem, field="ranks", value=size, allowed=f"at most {max(cores // threads, 1)}")
     mpi = mpi_library()
+    if not os.environ.get(LAUNCHER):
+        require_shared_memory(size)
     if mpi.COMM_WORLD.size > 1:
         raise InputError("start labkit without mpiexec: it starts the ranks itself")
     output, port = tempfile.TemporaryFile(), mpi.Open_port()

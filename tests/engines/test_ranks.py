@@ -105,6 +105,27 @@ def test_mpi_starts_in_spite_of_what_a_killed_process_of_the_same_number_left(sm
     assert done.stdout == "1\n", done.stderr
 
 
+LIMITED = """\
+import resource, signal, sys
+from labkit.cli import main
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (300_000,))
+sys.exit(main(sys.argv[1:]))
+"""  # a command on a full disk, of which `/dev/shm` is one
+
+
+@pytest.mark.parametrize("engine", ["fused", "lammps"])
+def test_ranks_without_memory_to_share_are_refused_before_mpi_ends_the_process(
+    engine, specimen, small_domains, tmp_path
+):
+    words = [*command(specimen, tmp_path / "r.run.nc", "--ranks", 2, "--engine", engine)[3:]]
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, *words], env=small_domains, capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert done.returncode == 2 and "MPI needs 5 MB of memory in /dev/shm" in done.stderr, done.stderr
+    assert done.stderr.count("\n") == 1 and os.listdir(tmp_path) == [specimen.name]
+
+
 BROKEN = """\
 import sys
 if "labkit.engines.followers" in sys.orig_argv:
