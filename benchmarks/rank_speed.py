@@ -30,7 +30,8 @@ from benchmarks.lammps import HEAD, TUNINGS, Tuning
 from benchmarks.rank_kills import ranks_of
 from benchmarks.rank_memory import is_rank
 from labkit.engines.device import Device
-from labkit.engines.followers import Ranks, launcher
+from labkit.engines.followers import Ranks
+from labkit.engines.mpi import launcher
 from labkit.grains.state import State
 from labkit.paths.standard import ConstantVolume
 from labkit.servo.plan import prescribed_gradient

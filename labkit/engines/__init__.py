@@ -5,6 +5,7 @@ device        an engine together with its hardware
 sorting       the order in which a State lists contacts
 server        engines whose grains are in another process, and the messages to that process
 yade          the YADE engine, the reference
+mpi           MPI on this computer: its library, its launcher, and the memory that it needs
 followers     MPI ranks: their start, their end, and how they repeat the calls of an engine
 on_ranks      an engine on MPI ranks, as the run sees it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold

@@ -14,8 +14,6 @@ import ctypes
 import hashlib
 import os
 import pickle
-import shlex
-import shutil
 import signal
 import socket
 import subprocess
@@ -30,20 +28,15 @@ from typing import IO, Any, TypeVar, cast
 import numpy as np
 
 from labkit.engines.base import Engine
+from labkit.engines.mpi import LAUNCHER, MEMORY, launcher, mpi_library, require_shared_memory
 from labkit.engines.server import ENDING, RESUME, SILENCE, last_line, printed, start_process, wait_for_program
 from labkit.errors import InputError, PhysicsError, ProgramError, fail
 from labkit.grains.state import State
 from labkit.process.children import die_with_parent, without_current_folder
-from labkit.process.extras import install_command, require_library
 from labkit.process.interruption import ending_signals
 from labkit.process.system import number_of_cores
 from labkit.version import __version__
 
-LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
-LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
-MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
-SHARED = Path("/dev/shm")  # where MPI makes the memory that ranks on one computer share (Linux)
-FIRST, EACH = 5, 2  # MB of it that MPI needs at least, and for each rank
 LARGE = 500_000  # bytes
 ROOT = Path(__file__).resolve().parents[2]
 READY = "labkit: ready"  # what a follower prints before it connects
@@ -52,56 +45,6 @@ MAKE, END = "make", "end"  # what rank 0 tells besides the names of methods
 SPINS, YIELDS = 200, 2000  # how often a rank looks for a message before it lets others run, and before it sleeps
 NAP = 1e-4  # s; a rank that waits for long keeps no core busy
 Shared = TypeVar("Shared")
-
-
-def mpi_library() -> Any:
-    """Return mpi4py's module MPI; the first call starts MPI. Raises InputError if mpi4py or MPI is missing."""
-    if not os.environ.get(LAUNCHER):
-        os.environ.setdefault("UCX_TLS", MEMORY["UCX_TLS"])
-    mpi4py = require_library("mpi4py", "MPI ranks", "lammps")
-    mpi4py.rc.finalize = False  # MPI would wait for ranks that were killed
-    if "mpi4py.MPI" not in sys.modules:  # MPICH waits for ever if a killed process of this number left its memory
-        require_shared_memory(1)
-        (SHARED / f"mpich_shm_{os.getpid():x}_0").unlink(missing_ok=True)
-    try:
-        from mpi4py import MPI
-    except (ImportError, RuntimeError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"MPI cannot be loaded ({reason}): install it with {install_command('lammps')}") from None
-    return MPI
-
-
-def require_shared_memory(ranks: int) -> None:
-    """Raise InputError if MPI could not make the memory that `ranks` share: it would end this process itself."""
-    size = max(FIRST, EACH * ranks)
-    if not SHARED.is_dir() or not hasattr(os, "posix_fallocate"):  # another system
-        return
-    try:
-        with tempfile.TemporaryFile(dir=SHARED) as file:
-            os.posix_fallocate(file.fileno(), 0, size * 1_000_000)
-    except OSError as error:
-        raise InputError(
-            f"MPI needs {size} MB of memory in {SHARED} ({os.strerror(error.errno or 0)}): delete what killed programs "
-            f"left there, or give a container more, e.g. `docker run --shm-size 1g`"
-        ) from None
-
-
-def launcher() -> list[str]:
-    """Return the command that starts MPI programs. Raises InputError if none is found."""
-    if os.environ.get(LAUNCHER):
-        try:
-            return shlex.split(os.environ[LAUNCHER])
-        except ValueError:
-            problem = f"{LAUNCHER}={os.environ[LAUNCHER]} has a quote without its partner"
-            raise InputError(f"{problem}: name the command of the cluster") from None
-    beside = Path(sys.executable).parent  # the launchers of the MPI library that pip installed
-    program = shutil.which(LOCAL, path=beside) or shutil.which("mpiexec", path=beside) or shutil.which("mpiexec")
-    if not program:
-        raise InputError(
-            f"mpiexec is not on the PATH: install it with {install_command('lammps')}, or name the command of the "
-            f"cluster in {LAUNCHER}"
-        )
-    return [program]
 
 
 def return_freed_memory() -> None:

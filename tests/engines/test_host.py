@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import labkit as lk
-from labkit.engines import followers
+from labkit.engines import mpi
 from labkit.engines.fused import FusedEngine
 from labkit.engines.host import build
 from labkit.engines.kernel import host
@@ -443,6 +443,6 @@ def test_a_quote_without_its_partner_in_the_environment_is_said(monkeypatch):
     monkeypatch.setenv("CXX", 'g++ "-O2')
     with pytest.raises(build.CannotCompile, match=r"CXX=.* has a quote without its partner"):
         build.compiler()
-    monkeypatch.setenv(followers.LAUNCHER, "srun 'x")
-    with pytest.raises(lk.InputError, match=rf"{followers.LAUNCHER}=.* has a quote without its partner"):
-        followers.launcher()
+    monkeypatch.setenv(mpi.LAUNCHER, "srun 'x")
+    with pytest.raises(lk.InputError, match=rf"{mpi.LAUNCHER}=.* has a quote without its partner"):
+        mpi.launcher()

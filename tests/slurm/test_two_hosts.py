@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.ranks import differences
-from labkit.engines import followers
+from labkit.engines import mpi
 from tests.conftest import PATIENCE
 from tests.engines.test_ranks import small_domains, specimen  # noqa: F401
 
@@ -50,7 +50,7 @@ def require_same_bits(folder, launcher, environment, *before):
     """Run on one thread here, and on three ranks that a launcher starts; the files may not differ."""
     one = subprocess.run(shear("one.run.nc"), cwd=folder, env=environment, capture_output=True, text=True)
     assert one.returncode == 0, one.stderr
-    there = {**environment, "UCX_TLS": "tcp,self", followers.LAUNCHER: launcher}
+    there = {**environment, "UCX_TLS": "tcp,self", mpi.LAUNCHER: launcher}
     done = on_nodea([*before, *shear("hosts.run.nc", "--ranks", 3)], cwd=folder, env=there)
     assert done.returncode == 0, done.stderr
     count, odd = differences(folder / "one.run.nc", folder / "hosts.run.nc")

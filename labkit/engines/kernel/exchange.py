@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from labkit.engines.followers import Ranks, mpi_library
+from labkit.engines.followers import Ranks
 from labkit.engines.kernel.layout import (
     FORCE_COLUMNS,
     INTEGER,
@@ -25,6 +25,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     Arrays,
 )
+from labkit.engines.mpi import mpi_library
 
 CALLBACK = ctypes.CFUNCTYPE(REAL, INTEGER, REAL, ctypes.POINTER(REAL), INTEGER)
 PLACES, FORCES, LARGEST, SUMS = range(4)  # enum Exchange in labkit/engines/host/loop.hpp

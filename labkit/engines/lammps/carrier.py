@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from labkit.engines.followers import mpi_library
 from labkit.engines.kernel.specimen import Kinematics
+from labkit.engines.mpi import mpi_library
 from labkit.errors import InputError, PhysicsError
 from labkit.process.extras import install_command, require_library
 
