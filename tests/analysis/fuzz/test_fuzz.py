@@ -108,13 +108,17 @@ def test_a_signal_to_a_job_that_is_starting_ends_the_job_alone(tmp_path):
 
 
 def test_a_soak_finds_what_is_not_whole(soft_specimen, tmp_path):
-    whole, cut, empty = (tmp_path / name for name in ("1.out.state.nc", "2.out.state.nc", "3.out.csv"))
-    for file in (whole, cut):
+    names = ("1.out.state.nc", "2.out.state.nc", "3.out.csv", "4.out.state.nc")
+    whole, cut, empty, flipped = (tmp_path / name for name in names)
+    for file in (whole, cut, flipped):
         lk.write_state(file, soft_specimen)
     cut.write_bytes(cut.read_bytes()[:-500])
     empty.write_bytes(b"")
-    assert [len(soak.faults_of(file, None)) for file in (whole, cut, empty)] == [0, 1, 1]
-    assert not soak.faults_of(cut, cut)  # it was damaged on purpose
+    content = bytearray(flipped.read_bytes())
+    content[-1000] ^= 1  # within the last array
+    flipped.write_bytes(content)
+    assert [len(soak.faults_of(file, None)) for file in (whole, cut, empty, flipped)] == [0, 1, 1, 1]
+    assert not soak.faults_of(cut, cut) and not soak.faults_of(flipped, flipped)  # they were damaged on purpose
 
 
 @pytest.fixture(scope="module")
