@@ -28,6 +28,7 @@ EPILOG = """\
 `labkit COMMAND --help` explains a command and gives an example.
 
 exit codes: 0 done; 1 the simulation or a check failed; 2 invalid input; 130 or 143 stopped by a signal"""
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)  # of an output without a name
 LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")  # Numba's threading layers
 
 
@@ -72,11 +73,11 @@ def _run_and_report(work: Callable[[], int]) -> int:
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, on_command_line), exit_code(error))
     except BrokenPipeError:  # the reader closed the output, as `head` does; the results are already written
-        streams.silence()
+        streams.silence(sys.stdout)
         return 0
     except OSError as error:
-        if error.filename is None and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
-            streams.silence()
+        if error.filename is None and error.errno in UNWRITABLE:
+            streams.silence(sys.stdout)
             return fail(f"standard output: {error.strerror}", 1)
         return fail(sentence(error), 1)
     except MemoryError as error:

@@ -28,6 +28,25 @@ class Printer:
         return getattr(self.stream, name)
 
 
+class Messages(Printer):
+    """Standard error, whose text is dropped once it cannot be written: a run counts more than its messages."""
+
+    def write(self, text: str) -> int:
+        """Write a text if it can be written; returns the number of its characters."""
+        try:
+            return super().write(text)
+        except OSError:
+            silence(self.stream)
+            return len(text)
+
+    def flush(self) -> None:
+        """Write what is left, if it can be written."""
+        try:
+            self.stream.flush()
+        except OSError:
+            silence(self.stream)
+
+
 @contextlib.contextmanager
 def usable_streams() -> Iterator[None]:
     """Context in which characters missing in an encoding, and control characters, are printed as escapes.
@@ -35,7 +54,7 @@ def usable_streams() -> Iterator[None]:
     Closed streams are replaced.
     """
     with contextlib.ExitStack() as restored:
-        for name, number in (("stdout", 1), ("stderr", 2)):
+        for name, number, kind in (("stdout", 1, Printer), ("stderr", 2, Messages)):
             stream = getattr(sys, name)
             if stream is None:  # closed, as by `>&-`
                 setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
@@ -46,7 +65,7 @@ def usable_streams() -> Iterator[None]:
                 _show_unknown(stream, "backslashreplace")
             if not isinstance(stream, Printer | None):
                 restored.callback(setattr, sys, name, stream)
-                setattr(sys, name, Printer(stream))
+                setattr(sys, name, kind(stream))
         yield
 
 
@@ -65,7 +84,7 @@ def show(text: str, again: bool = False) -> None:
     try:
         print("\r" * again + printable(text), end="" if again else "\n", file=stream, flush=True)
     except OSError:
-        silence()
+        silence(stream)
 
 
 def flush_output() -> OSError | None:
@@ -73,15 +92,15 @@ def flush_output() -> OSError | None:
     try:
         sys.stdout.flush()
     except BrokenPipeError:
-        silence()
+        silence(sys.stdout)
     except OSError as error:
-        silence()
+        silence(sys.stdout)
         return error
     return None
 
 
-def silence() -> None:
-    """Send standard output to the null device from now on."""
+def silence(stream: TextIO) -> None:
+    """Send standard output or error to the null device from now on."""
     null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, sys.stdout.fileno())
+    os.dup2(null, stream.fileno())
     os.close(null)

@@ -37,7 +37,10 @@ def shell(redirection, *words, **environment):
     return subprocess.run(["bash", "-c", command], env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("redirection", [">/dev/full", "| head -1", ">&-"])
+OUTPUTS = [">/dev/full", "| head -1", ">&-", "2>/dev/full", "2>&1 | head -1", "2>&1 >/dev/full | head -c 9", "2>&-"]
+
+
+@pytest.mark.parametrize("redirection", OUTPUTS)
 def test_a_run_is_completed_whatever_happens_to_its_output(redirection, small, tmp_path):
     file = tmp_path / "r.run.nc"
     words = ["run", "cv", small, "--strain", "0.002", "--engine", "fused", "-o", file]
@@ -51,6 +54,10 @@ def test_a_run_is_completed_whatever_happens_to_its_output(redirection, small, t
 def test_a_result_that_cannot_be_printed_is_an_error(small):
     done = shell(">/dev/full", "info", small)
     assert done.returncode == 1 and done.stderr == "labkit: standard output: No space left on device\n"
+
+
+def test_an_error_that_cannot_be_printed_keeps_its_exit_code(tmp_path):
+    assert shell("2>/dev/full", "info", tmp_path / "none.state.nc").returncode == 2
 
 
 @pytest.mark.parametrize("settings", [{"LC_ALL": "C"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}])

@@ -145,6 +145,8 @@ class Bench:
             self.tell(error=error.message(lambda name: name.replace("_", " ")), field=error.field)
         except PhysicsError as error:
             self.tell(error=str(error), finished=True)
+        except MemoryError:
+            self.tell(lack=True, finished=True)
 
     def run_file(self) -> bytes:
         """Return the run as a file that labkit opens everywhere."""

@@ -108,6 +108,23 @@ def test_pauses_between_two_requests_and_ends():
     assert bench.told("finished") == [True]
 
 
+def test_a_run_without_memory_keeps_its_records_and_another_one_starts(monkeypatch):
+    bench, rows = Listener(), []
+
+    def append_while_there_is_memory(row):
+        if len(rows) == 3:
+            raise MemoryError
+        rows.append(row)
+
+    monkeypatch.setattr("labkit.plugins.page.bench.rose", append_while_there_is_memory)
+    asyncio.run(bench.start(TEST))
+    assert bench.messages[-1] == {"lack": True, "finished": True} and len(bench.told("row")) >= 3
+    monkeypatch.undo()
+    assert bench.records().count("\n") > 3
+    asyncio.run(bench.start(TEST))
+    assert bench.messages[-1]["status"] == "cp: finished"
+
+
 def test_a_state_file_comes_back(bench):
     other = Listener()
     other.open_state(bench.state_file())

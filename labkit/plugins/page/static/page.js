@@ -5,6 +5,7 @@ const element = (id) => document.getElementById(id);
 const fields = () => [...element("form").querySelectorAll("[data-group]")];
 let site, worker, panels = [], runs = [], finished = true, made = false, opened = false;
 let asked, compared, specimen, running;  // the exercise, its numbers, the file of its specimen; the last test
+const LACK = "The browser has no more memory: close other pages or choose fewer grains, and run again.";
 
 // --- the form --------------------------------------------------------------------------------------------------------
 function field(group, { name, words, help, unit, choices, default: standard }) {
@@ -68,9 +69,11 @@ function choose(query) {  // the exercise in the address; no reload, so that the
 // --- the thread that computes ----------------------------------------------------------------------------------------
 function open_worker() {
   worker?.terminate();
-  [worker, made] = [new Worker("worker.js"), false];
+  [worker, made, opened] = [new Worker("worker.js"), false, false];
+  runs.push([]);  // files can be written only of what this worker computes
+  element("run").disabled = true;
   worker.onmessage = ({ data }) => listen(data);
-  worker.onerror = () => fail("The computation ended, probably for lack of memory: choose fewer grains, and run again.", true);
+  worker.onerror = () => listen({ lack: true, fatal: true });
   worker.postMessage({ call: "open", given: [{ pyodide: new URL(site.pyodide, location).href, wheel: site.wheel }] });
 }
 
@@ -118,11 +121,12 @@ function listen(data) {
     element("rose").hidden = false;
     element("rose").querySelector("svg").innerHTML = drawn_rose(data.rose);
   }
-  if (data.error) {
-    fail(data.error, data.fatal);
+  if (data.lack || data.error) {
+    fail(data.lack ? LACK : data.error, data.fatal);
     fields().find((one) => one.name === data.field)?.closest("label").classList.add("wrong");
   }
-  if (data.finished) { enable(true); if (running === asked && runs.at(-1)?.length && !data.error) compare(); element("status").dataset.runs = Number(element("status").dataset.runs ?? 0) + 1; }
+  if (data.finished) { enable(true); if (running === asked && runs.at(-1)?.length && !data.error && !data.lack) compare(); element("status").dataset.runs = Number(element("status").dataset.runs ?? 0) + 1; }
+  if (data.lack && data.fatal && element("status").dataset.ready) { say("loading Python again"); open_worker(); }
   if (data.opened) { opened = true; runs.push([]); enable(true); }
   if (data.answer !== undefined) save(data.call, data.answer);
 }

@@ -25,6 +25,7 @@ onmessage = async ({ data: { call, given = [] } }) => {
     const answer = await bench[call](...given.map((one) => python.toPy(one)));
     if (answer !== undefined) postMessage({ answer: answer.toJs ? answer.toJs() : answer, call });
   } catch (error) {  // the last line of a Python traceback says what happened
-    postMessage({ error: String(error.message || error).trim().split("\n").at(-1), finished: Boolean(bench), fatal: !bench });
+    const text = String(error.message || error).trim().split("\n").at(-1), fatal = !bench || Boolean(error.pyodide_fatal_error);
+    postMessage({ error: text, lack: /memory/i.test(text) || Boolean(bench && fatal), finished: Boolean(bench), fatal });
   }
 };
