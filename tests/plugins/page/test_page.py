@@ -135,3 +135,39 @@ def test_pauses_goes_on_and_is_reopened_after_its_tab_was_closed(page, browser, 
     again = browser(viewport=PHONE)
     again.goto(address)
     again.wait_for_selector("#status[data-ready]")
+
+
+FULL = """\
+let full = false;
+const grow = WebAssembly.Memory.prototype.grow;
+WebAssembly.Memory.prototype.grow = function (pages) {
+  if (full) throw new RangeError("WebAssembly.Memory.grow(): Maximum memory size exceeded");
+  return grow.call(this, pages);
+};
+addEventListener("message", (event) => {
+  if (event.data.full !== undefined) { full = event.data.full; event.stopImmediatePropagation(); }
+  if (event.data.broken) { event.stopImmediatePropagation(); throw new Error("a bug"); }
+});
+"""  # what a browser does whose memory is exhausted, from the message {full: true} on
+
+
+def test_a_lack_of_memory_is_told_and_another_test_runs(browser, address, tmp_path):
+    page = browser(accept_downloads=True)
+    page.route("**/worker.js", lambda route: route.fulfill(response=(found := route.fetch()), body=FULL + found.text()))
+    page.goto(address + "?exercise=equation")
+    page.wait_for_selector("#status[data-ready]")
+    page.fill("[name=grains]", "1000")
+    page.evaluate("worker.postMessage({full: true})")
+    page.click("#run")
+    page.wait_for_selector("#error:visible")
+    assert "no more memory" in page.inner_text("#error") and page.is_enabled("#run")
+    page.evaluate("worker.postMessage({full: false})")
+    page.fill("[name=grains]", "100")
+    finish(page, "#run")
+    page.evaluate("worker.postMessage({broken: true})")  # nothing of this thread is left then
+    page.wait_for_selector("#error:visible")
+    assert page.is_disabled("#run") and page.is_disabled("#run_file")
+    page.wait_for_selector("#run:enabled")
+    assert "no more memory" in page.inner_text("#error")
+    finish(page, "#run")
+    assert lk.open_run(downloaded(page, "#run_file", tmp_path / "r.run.npz")).complete

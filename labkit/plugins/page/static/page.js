@@ -71,6 +71,7 @@ function open_worker() {
   worker?.terminate();
   [worker, made, opened] = [new Worker("worker.js"), false, false];
   runs.push([]);  // files can be written only of what this worker computes
+  enable(true);
   element("run").disabled = true;
   worker.onmessage = ({ data }) => listen(data);
   worker.onerror = () => listen({ lack: true, fatal: true });
