@@ -178,4 +178,4 @@ def require_output(file: str) -> None:
     if File(file).exists() and labkit_kind(file) == "run":
         with open_netcdf(file, "run") as dataset:
             if getattr(dataset, "engine", None) != "model":
-                raise InputError(f"{file} holds a simulation, which would be overwritten: choose another -o")
+                raise InputError(f"{file} holds a simulation, which would be overwritten: choose another name")

@@ -70,18 +70,22 @@ _CAUGHT: list[Signals] = []  # the Signals object of the main thread while it ca
 def end_on_signals() -> Iterator[None]:
     """Context in which SIGTERM and SIGHUP raise Interrupted, so that no temporary file is left behind.
 
-    Python ignores an exception raised within `__del__`; the signal is then sent again a moment later.
+    Python ignores an exception raised within `__del__`; the signal is then sent again a moment later. An echo of a
+    signal is ignored, so that it does not interrupt the end.
     """
-    within, report = [True], sys.unraisablehook
+    within, report, signals = [True], sys.unraisablehook, Signals()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise Interrupted(f"stopped by signal {number}; nothing was written", 128 + number)
+        first = not signals.caught
+        signals.catch(number)
+        if first or signals.repeated:
+            raise Interrupted(f"stopped by signal {number}; nothing was written", 128 + number)
 
     def repeat(ignored: sys.UnraisableHookArgs) -> None:
         if not isinstance(ignored.exc_value, Interrupted):
             report(ignored)
             return
-        number = ignored.exc_value.code - 128
+        number, signals.caught = ignored.exc_value.code - 128, 0
         timer = threading.Timer(0.01, lambda: os.kill(os.getpid(), number) if within else None)
         timer.daemon = True
         timer.start()
@@ -203,7 +207,7 @@ def _open_lock(lock: Path, flags: int) -> IO[str]:
     except OSError as error:
         if error.errno != errno.ELOOP:
             raise
-        raise InputError(f"{lock} is a link: delete it, or choose another -o") from None
+        raise InputError(f"{lock} is a link: delete it, or choose another name") from None
 
 
 def _is_file(handle: IO[str], path: Path) -> bool:
@@ -230,7 +234,7 @@ def signal_caught() -> int:
 
 def busy_error(file: Path) -> InputError:
     """Return the error for a file that another process is writing."""
-    return InputError(f"{file} is being written by another process: wait for it, or choose another -o")
+    return InputError(f"{file} is being written by another process: wait for it, or choose another name")
 
 
 def lock_of(file: Path) -> Path:

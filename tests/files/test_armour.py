@@ -174,6 +174,18 @@ class SignalledAtItsEnd:
         time.sleep(0.01)
 
 
+def test_a_signal_sent_twice_does_not_interrupt_the_end():
+    """As `timeout` does; the first one asks a campaign to write its checkpoints."""
+    ended = []
+    with end_on_signals():
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except Interrupted:
+            signal.raise_signal(signal.SIGTERM)
+            ended.append(True)
+    assert ended
+
+
 def test_a_signal_within_the_end_of_an_object_ends_the_command(capfd):
     """Python ignores exceptions raised there, and the command went on after a traceback on standard error."""
     with pytest.raises(Interrupted, match="15"), end_on_signals():
