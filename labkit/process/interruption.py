@@ -79,7 +79,7 @@ def end_on_signals() -> Iterator[None]:
         first = not signals.caught
         signals.catch(number)
         if first or signals.repeated:
-            raise Interrupted(f"stopped by signal {number}; nothing was written", 128 + number)
+            raise Interrupted(f"stopped by signal {number}; no unfinished file is left", 128 + number)
 
     def repeat(ignored: sys.UnraisableHookArgs) -> None:
         if not isinstance(ignored.exc_value, Interrupted):
@@ -97,6 +97,16 @@ def end_on_signals() -> Iterator[None]:
         finally:
             sys.unraisablehook = report
             within.clear()
+
+
+@contextlib.contextmanager
+def resumed_from(place: str | os.PathLike[str]) -> Iterator[None]:
+    """Context in which a signal raises Interrupted, with the file or folder from which the same command goes on."""
+    try:
+        yield
+    except (KeyboardInterrupt, Interrupted) as error:
+        code = error.code if isinstance(error, Interrupted) else 130
+        raise Interrupted(f"interrupted; repeat the same command to resume ({place})", code) from None
 
 
 def nothing_saved(number: int) -> Interrupted:

@@ -202,7 +202,7 @@ def test_two_outputs_of_a_command_are_two_files(small, tmp_path, capsys):
 def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):
     words = ["specimen", "--void-ratio", 0.62, "--grains", 300, "-o", tmp_path / "s.state.nc"]
     done = signalled(signal.SIGTERM, "report", 2, *words)
-    assert done.returncode == 143 and done.stderr.endswith("labkit: stopped by signal 15; nothing was written\n")
+    assert done.returncode == 143 and done.stderr.endswith("labkit: stopped by signal 15; no unfinished file is left\n")
     assert list(tmp_path.iterdir()) == []
 
 

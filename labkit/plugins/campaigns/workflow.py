@@ -21,7 +21,7 @@ from labkit.plugins.campaigns.file import Campaign, copy_campaign, to_write
 from labkit.plugins.campaigns.plan import require_campaign_folder, write_plan
 from labkit.process.children import start_child, without_current_folder
 from labkit.process.extras import install_command
-from labkit.process.interruption import is_being_written, only_writer
+from labkit.process.interruption import is_being_written, only_writer, resumed_from
 
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
@@ -91,7 +91,7 @@ def watch(command_line: Sequence[str], folder: Path, progress: Progress, environ
 
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
     """
-    with name_file_in_errors(folder / LOG), open_log(folder / LOG) as log:
+    with resumed_from(folder), name_file_in_errors(folder / LOG), open_log(folder / LOG) as log:
         child = start_child(
             command_line,
             cwd=folder,
@@ -110,7 +110,7 @@ def watch(command_line: Sequence[str], folder: Path, progress: Progress, environ
                 if done:
                     progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
             return child.wait()
-        except (KeyboardInterrupt, Interrupted) as error:
+        except (KeyboardInterrupt, Interrupted):
             notice("stopping; running jobs write their checkpoints")
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
@@ -119,8 +119,7 @@ def watch(command_line: Sequence[str], folder: Path, progress: Progress, environ
             if child.poll() is None:  # a batch system would soon kill everything, including this process
                 os.killpg(child.pid, signal.SIGKILL)
                 child.communicate()
-            message = f"interrupted; repeat the same command to resume ({folder})"
-            raise Interrupted(message, error.code if isinstance(error, Interrupted) else 130) from None
+            raise
 
 
 def snakemake_command(cores: int, profile: str | None) -> list[str]:

@@ -29,7 +29,7 @@ from labkit.parameters import Parameter
 from labkit.plugins.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 from labkit.process.blas import one_blas_thread
 from labkit.process.extras import require_library
-from labkit.process.interruption import only_writer
+from labkit.process.interruption import only_writer, resumed_from
 from labkit.simulation.api import progress_function
 
 FIRST = 0.5  # fraction of the samples that fill the prior; later samples follow the posterior
@@ -80,7 +80,7 @@ def calibrate_grains(
     The first half of the samples fills the ranges of the parameters; the others follow the posterior, on specimens that
     grow from `grains` to `largest` as it narrows. Failures show which parameters are impossible.
 
-    Raises InputError, also if another process is writing `file`.
+    Raises InputError, also if another process is writing `file`, and Interrupted after Ctrl-C or SIGTERM.
 
     Args:
         tests: The measured tests, the free parameters and the scatter.
@@ -94,7 +94,10 @@ def calibrate_grains(
     _require_libraries()
     samples = Parameter("samples", kind=int, low=LEAST_SUCCESSES, high=100_000).read(samples)
     show = progress_function(progress, "calibration")
-    with contextlib.nullcontext() if file is None else only_writer(File(file)):
+    with contextlib.ExitStack() as context:
+        if file is not None:
+            context.enter_context(only_writer(File(file)))
+            context.enter_context(resumed_from(file))
         return posterior_of(tests, _take_samples(tests, samples, file, grains, largest, seed, show), seed)
 
 

@@ -13,7 +13,7 @@ import pytest
 import labkit as lk
 from labkit.plugins.laboratory_data import posterior
 from labkit.plugins.laboratory_data.sampling import append_sample, read_samples
-from labkit.process.interruption import is_being_written, only_writer
+from labkit.process.interruption import end_on_signals, is_being_written, only_writer
 from tests.conftest import ROOT
 from tests.plugins.laboratory_data.test_calibrating import imagined_samples, tests  # noqa: F401
 
@@ -102,6 +102,15 @@ def test_a_second_calibration_on_the_same_file_is_refused(tests, file, monkeypat
         lk.calibrate_grains(tests, samples=8, file=file)
     assert seen == [True] and not is_being_written(file) and file.read_bytes() == before
     assert os.listdir(file.parent).count(".s.jsonl.lock") == 0
+
+
+@pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_calibration_that_is_stopped_says_how_to_resume(number, code, tests, file, monkeypatch):  # noqa: F811
+    before = file.read_bytes()
+    monkeypatch.setattr(posterior, "take_sample", lambda *_: signal.raise_signal(number))
+    with pytest.raises(lk.Interrupted, match=r"repeat the same command to resume .*s\.jsonl") as caught, end_on_signals():
+        lk.calibrate_grains(tests, samples=8, file=file)
+    assert caught.value.code == code and file.read_bytes() == before
 
 
 APPENDING = """
