@@ -46,8 +46,10 @@ class Signals:
 def stop_on_signals() -> Iterator[Signals]:
     """Context in which SIGINT, SIGTERM and SIGHUP are only noted in the Signals object.
 
-    A context inside another one shares the Signals object of the outer context, even in a different thread. Only the
-    main thread can handle signals in Python: in any other thread, a context without an outer one catches no signals.
+    A signal that nothing in the context answers by an exception is delivered at its end: it may concern more than the
+    run that was just completed. A context inside another one shares the Signals object of the outer context, even in a
+    different thread. Only the main thread can handle signals in Python: in any other thread, a context without an outer
+    one catches no signals.
     """
     if _CAUGHT:
         yield _CAUGHT[0]
@@ -61,6 +63,10 @@ def stop_on_signals() -> Iterator[Signals]:
         finally:
             if signals in _CAUGHT:
                 _CAUGHT.remove(signals)
+    if signals.caught == signal.SIGINT:
+        raise KeyboardInterrupt
+    if signals.caught:
+        signal.raise_signal(signals.caught)
 
 
 _CAUGHT: list[Signals] = []  # the Signals object of the main thread while it catches signals

@@ -153,10 +153,23 @@ def test_a_process_that_stopped_while_it_compiled_delays_others_but_does_not_blo
 
 def test_a_signal_ends_the_wait_for_a_process_that_stopped(written, capsys):
     value, _ = written
-    with open(machine.code_file("times", "2.0").with_suffix(".lock"), "w") as lock, stop_on_signals() as signals:
+    lock = open(machine.code_file("times", "2.0").with_suffix(".lock"), "w")
+    with lock, pytest.raises(KeyboardInterrupt), stop_on_signals():
         fcntl.flock(lock, fcntl.LOCK_EX)
-        signals.catch(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
         assert value() == 4.0 and capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("number, error", [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Interrupted)])
+def test_a_signal_that_no_run_answers_is_delivered_at_its_end(number, error):
+    """In a loop of short runs, every Ctrl-C after the last record of a run was lost."""
+    done = []
+    with pytest.raises(error), end_on_signals():
+        for _ in range(2):
+            with stop_on_signals():
+                signal.raise_signal(number)
+            done.append(True)
+    assert not done
 
 
 def test_ctrl_c_waits_for_the_end_of_an_import():

@@ -29,7 +29,7 @@ from labkit.parameters import Parameter
 from labkit.plugins.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 from labkit.process.blas import one_blas_thread
 from labkit.process.extras import require_library
-from labkit.process.interruption import only_writer, resumed_from
+from labkit.process.interruption import only_writer, resumed_from, stop_on_signals
 from labkit.simulation.api import progress_function
 
 FIRST = 0.5  # fraction of the samples that fill the prior; later samples follow the posterior
@@ -154,7 +154,8 @@ def posterior_of(tests: GrainTests, samples: Iterable[Sample], seed: int = 1) ->
     start = start[np.argsort(logarithm(start))[-WALKERS // 2 :]].repeat(2, axis=0) * 0.98 + 0.02 * start
     sampler = emcee.EnsembleSampler(WALKERS, size, logarithm, vectorize=True)
     sampler.random_state = np.random.RandomState(seed).get_state()
-    sampler.run_mcmc(start, LENGTH)
+    with stop_on_signals():  # emcee prints a traceback for an exception
+        sampler.run_mcmc(start, LENGTH)
     chain = sampler.get_chain(discard=BURNT, flat=True, thin=4)
     low, high = np.array([*tests.free.values()]).T
     draws = pandas.DataFrame(low + (high - low) * chain[:, :-1], columns=[*tests.free])

@@ -108,7 +108,7 @@ def test_a_second_calibration_on_the_same_file_is_refused(tests, file, monkeypat
 def test_a_calibration_that_is_stopped_says_how_to_resume(number, code, tests, file, monkeypatch):  # noqa: F811
     before = file.read_bytes()
     monkeypatch.setattr(posterior, "take_sample", lambda *_: signal.raise_signal(number))
-    with pytest.raises(lk.Interrupted, match=r"repeat the same command to resume .*s\.jsonl") as caught, end_on_signals():
+    with pytest.raises(lk.Interrupted, match=r"same command to resume .*s\.jsonl") as caught, end_on_signals():
         lk.calibrate_grains(tests, samples=8, file=file)
     assert caught.value.code == code and file.read_bytes() == before
 
