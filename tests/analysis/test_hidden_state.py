@@ -122,7 +122,7 @@ def test_a_member_is_driven_towards_a_state(specimen, monkeypatch):
 
     shear = 1e-3 * np.array([[-0.5, -0.5, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.5, 0.0], [0.0] * 6])
     target = Fixed().vector(driving.values_of(driving.strained(specimen, shear)))
-    begin = 0.8 * shear + 1e-5
+    begin = 0.3 * shear + 1e-5  # from 0.8, the search may end where it began, as grains answer in steps
     _, before, distance = driving.driven(specimen, begin, target, Fixed())
     assert distance < 0.5 * before
 

@@ -16,7 +16,7 @@ from labkit.specimens.recipe import FABRICS, Recipe
 
 PRESSURE = 200e3
 SIGNS = {"deposited": 1, "pre-compressed": 1, "pre-extended": -1}
-LEAST = 0.06  # |A_zz| of 200 grains is below this only by chance
+LEAST = 0.04  # |A_zz|; deposited: 0.04 to 0.16 in five specimens of 200 grains, 0.08 to 0.17 in four of 1,000
 DENSE = Recipe(preparation="compression", pressure=PRESSURE, grains=200, step1_friction=0.15)
 
 
@@ -30,7 +30,7 @@ def made(fabric, engine="fused", **changes):
 
 @pytest.mark.parametrize("engine, fabric", [*(("fused", fabric) for fabric in SIGNS), ("yade", "deposited")])
 def test_a_fabric_has_its_sign_at_an_isotropic_stress(engine, fabric):
-    state = made(fabric, engine, grains=200 if engine == "fused" else 100)
+    state = made(fabric, engine, grains=1000 if engine == "fused" else 100)
     assert SIGNS[fabric] * axial_anisotropy(state) > LEAST
     assert largest_deviation(lk.love_stress(state.snapshot()), PRESSURE)[1] < 1.5e-3 * PRESSURE
     assert json.loads(state.recipe)["fabric"] == fabric
