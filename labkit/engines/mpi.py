@@ -17,11 +17,11 @@ LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
 MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
 SHARED = Path("/dev/shm")  # where MPI makes the memory that ranks on one computer share (Linux)
-FIRST, EACH = 5, 2  # MB of it that MPI needs at least, and for each rank
+LEAST, EACH = 5, 2  # MB of it that MPI needs at least, and for each rank
 
 
 def mpi_library() -> Any:
-    """Return mpi4py's module MPI; the first call starts MPI. Raises InputError if mpi4py or MPI is missing."""
+    """Return mpi4py's module MPI; the first call starts MPI. Raises InputError without MPI or its memory."""
     if not os.environ.get(LAUNCHER):
         os.environ.setdefault("UCX_TLS", MEMORY["UCX_TLS"])
     mpi4py = require_library("mpi4py", "MPI ranks", "lammps")
@@ -39,7 +39,7 @@ def mpi_library() -> Any:
 
 def require_shared_memory(ranks: int) -> None:
     """Raise InputError if MPI could not make the memory that `ranks` share: it would end this process itself."""
-    size = max(FIRST, EACH * ranks)
+    size = max(LEAST, EACH * ranks)
     if not SHARED.is_dir() or not hasattr(os, "posix_fallocate"):  # another system
         return
     try:

@@ -109,14 +109,14 @@ def test_pauses_between_two_requests_and_ends():
 
 
 def test_a_run_without_memory_keeps_its_records_and_another_one_starts(monkeypatch):
-    bench, rows = Listener(), []
+    bench, drawn = Listener(), []
 
-    def append_while_there_is_memory(row):
-        if len(rows) == 3:
+    def draw_while_there_is_memory(snapshot):
+        if len(drawn) == 3:
             raise MemoryError
-        rows.append(row)
+        drawn.append(snapshot)
 
-    monkeypatch.setattr("labkit.plugins.page.bench.rose", append_while_there_is_memory)
+    monkeypatch.setattr("labkit.plugins.page.bench.rose", draw_while_there_is_memory)
     asyncio.run(bench.start(TEST))
     assert bench.messages[-1] == {"lack": True, "finished": True} and len(bench.told("row")) >= 3
     monkeypatch.undo()
