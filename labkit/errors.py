@@ -120,8 +120,11 @@ class ProgramError(PhysicsError):
     """The program of an engine ended or does not answer; the run adds what its file holds."""
 
 
-class Interrupted(Exception):
-    """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells."""
+class Interrupted(KeyboardInterrupt):
+    """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells.
+
+    It is no Exception, which a library, or the loop of a user over several runs, may catch and go on.
+    """
 
     def __init__(self, message: str, code: int) -> None:
         """Store the message and the exit code."""
@@ -139,8 +142,8 @@ def option_name(field: str) -> str:
 
 def exit_code(error: BaseException) -> int:
     """Return the exit code of a command that stops with this error."""
-    if isinstance(error, Interrupted):
-        return error.code
+    if isinstance(error, KeyboardInterrupt):
+        return getattr(error, "code", 130)
     return 2 if isinstance(error, InputError) else 1
 
 
@@ -150,7 +153,7 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
         return error.message(name)
     if isinstance(error, OSError):
         return f"{error.filename or 'a file'}: {error.strerror or error}"
-    return str(error)
+    return str(error) or "interrupted"  # a KeyboardInterrupt of Python has no text
 
 
 class LabkitWarning(UserWarning):

@@ -24,7 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar, cast
 
-from labkit.errors import InputError, Interrupted, instead_of, require_file_name
+from labkit.errors import InputError, instead_of, require_file_name
 from labkit.once import LOCK, once
 from labkit.plugins import load_plugins, missing
 
@@ -211,7 +211,7 @@ def _load(file: str) -> None:
         del sys.modules[name]
         if isinstance(error, InputError):
             raise InputError(f"is refused: {error}", field="use", value=file) from error
-        if isinstance(error, (KeyboardInterrupt, Interrupted)):
+        if isinstance(error, KeyboardInterrupt):
             raise
         problem = f"cannot be loaded ({blame(error, [file]) or f'{type(error).__name__}: {error}'})"
         raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error

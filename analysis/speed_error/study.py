@@ -22,9 +22,9 @@ from analysis.speed_error.table import collect, open_study, restore
 from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.cli.arguments import positive_int
 from labkit.engines import find_yade
-from labkit.errors import Interrupted
 from labkit.files import write_provenance
 from labkit.process import reporter
+from labkit.process.interruption import resumed_from
 
 
 class SpeedError(Study):
@@ -47,10 +47,8 @@ class SpeedError(Study):
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         find_yade()
         work = Path(options.work or f"speed_error_{options.design}")
-        try:
+        with resumed_from(work):
             self.run(options, work, folder, command)
-        except (KeyboardInterrupt, Interrupted):
-            raise Interrupted(f"interrupted; the same command resumes the study in {work}", 130) from None
         return 0
 
     def run(self, options: argparse.Namespace, work: Path, folder: Path, command: str) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
-from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, notice, sentence
+from labkit.errors import InputError, PhysicsError, exit_code, fail, instead_of, notice, sentence
 from labkit.parameters import Values
 from labkit.plugins import missing
 from labkit.process import streams
@@ -70,7 +70,7 @@ def _run_and_report(work: Callable[[], int]) -> int:
     try:
         with end_on_signals():
             return work()
-    except (InputError, PhysicsError, Interrupted) as error:
+    except (InputError, PhysicsError, KeyboardInterrupt) as error:
         return fail(sentence(error, on_command_line), exit_code(error))
     except BrokenPipeError:  # the reader closed the output, as `head` does; the results are already written
         streams.silence(sys.stdout)
@@ -84,8 +84,6 @@ def _run_and_report(work: Callable[[], int]) -> int:
         return fail(f"there is not enough memory ({str(error) or 'no details are known'}): use fewer grains or runs", 1)
     except RecursionError:
         return fail("a value is nested too deep: give a file that labkit wrote", 2)
-    except KeyboardInterrupt:
-        return fail("interrupted", 130)
     except Exception as error:  # raised by a user-defined path, law, statistic, engine, figure or command
         blamed = extensions.blame(error)
         if blamed is None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import IO
 
-from labkit.errors import InputError, Interrupted, notice
+from labkit.errors import InputError, Interrupted, exit_code, notice
 from labkit.process.system import lock_file, open_flags
 
 ECHO = 1.0  # s; a signal so soon after the first is the same request: `timeout` and terminals send two
@@ -110,9 +110,8 @@ def resumed_from(place: str | os.PathLike[str]) -> Iterator[None]:
     """Context in which a signal raises Interrupted, with the file or folder from which the same command goes on."""
     try:
         yield
-    except (KeyboardInterrupt, Interrupted) as error:
-        code = error.code if isinstance(error, Interrupted) else 130
-        raise Interrupted(f"interrupted; repeat the same command to resume ({place})", code) from None
+    except KeyboardInterrupt as error:
+        raise Interrupted(f"interrupted; repeat the same command to resume ({place})", exit_code(error)) from None
 
 
 def nothing_saved(number: int) -> Interrupted:

@@ -199,6 +199,12 @@ def test_a_signal_sent_twice_does_not_interrupt_the_end():
     assert ended
 
 
+def test_a_library_that_catches_every_exception_does_not_stop_a_signal():
+    """As of some modules while they are imported; the command went on."""
+    with pytest.raises(Interrupted, match="15"), end_on_signals(), contextlib.suppress(Exception):
+        signal.raise_signal(signal.SIGTERM)
+
+
 def test_a_signal_within_the_end_of_an_object_ends_the_command(capfd):
     """Python ignores exceptions raised there, and the command went on after a traceback on standard error."""
     with pytest.raises(Interrupted, match="15"), end_on_signals():

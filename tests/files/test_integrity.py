@@ -71,6 +71,18 @@ def test_no_damaged_byte_is_believed(name, request, tmp_path):
     assert refused > FLIPS / 4
 
 
+@pytest.mark.parametrize("at, length", [(16, 4080), (16, 64), (64, 64), (152, 512)])
+def test_damage_of_the_references_between_variables_does_not_hang(at, length, specimen_file, tmp_path, labkit_command):
+    """HDF5 has no checksum for its global heap, and searches it without end if a length in it is 0."""
+    damaged, file = bytearray(specimen_file.read_bytes()), tmp_path / "damaged.state.nc"
+    at += damaged.index(b"GCOL")
+    damaged[at : at + length] = bytes(length)
+    file.write_bytes(damaged)
+    for words in (("info", file), ("run", "cv", file, "--strain", 0.001, "-o", tmp_path / "r.run.nc")):
+        done = labkit_command(*words)  # which does not wait for ever
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+
+
 def test_written_files_have_checksums(specimen_file, run_file, unfinished):
     for file in (specimen_file, run_file, unfinished):
         with netCDF4.Dataset(file) as dataset:

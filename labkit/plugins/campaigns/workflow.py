@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, Interrupted, notice
+from labkit.errors import InputError, notice
 from labkit.files.atomic import name_file_in_errors, open_log
 from labkit.plugins.campaigns import layout
 from labkit.plugins.campaigns.file import Campaign, copy_campaign, to_write
@@ -110,7 +110,7 @@ def watch(command_line: Sequence[str], folder: Path, progress: Progress, environ
                 if done:
                     progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
             return child.wait()
-        except (KeyboardInterrupt, Interrupted):
+        except KeyboardInterrupt:
             notice("stopping; running jobs write their checkpoints")
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from labkit.cli.arguments import Option
 from labkit.cli.registry import command
-from labkit.errors import InputError
+from labkit.errors import InputError, Interrupted
 from labkit.files.writable import make_folder
 
 
@@ -59,5 +59,7 @@ def page_command(
                 webbrowser.open(address)
             try:
                 server.serve_forever()
+            except Interrupted:
+                raise
             except KeyboardInterrupt:  # the usual end
                 return

@@ -94,7 +94,7 @@ def test_ctrl_c_ends_a_study_with_one_line(study):
     assert code in (130, -signal.SIGINT)  # a shell reports 130 for both
     lines = re.split("[\r\n]+", error)
     assert "Traceback" not in error
-    assert [line for line in lines if "resumes the study" in line] == [lines[-2]] and lines[-1] == ""
+    assert [line for line in lines if "repeat the same command to resume" in line] == [lines[-2]] and lines[-1] == ""
 
 
 def test_a_study_that_was_killed_goes_on_and_repeats_nothing(study):
