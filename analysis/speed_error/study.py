@@ -23,8 +23,7 @@ from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.cli.arguments import positive_int
 from labkit.engines import find_yade
 from labkit.files import write_provenance
-from labkit.process import reporter
-from labkit.process.interruption import resumed_from
+from labkit.process import reporter, resumed_from
 
 
 class SpeedError(Study):

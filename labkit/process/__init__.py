@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from labkit.process.children import without_current_folder as without_current_folder
     from labkit.process.extras import install_command as install_command
     from labkit.process.interruption import lock_of as lock_of
+    from labkit.process.interruption import resumed_from as resumed_from
     from labkit.process.progress import reporter as reporter
 else:
     __getattr__, __dir__, __all__ = attach(__name__)
