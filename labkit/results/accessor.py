@@ -335,7 +335,7 @@ class Lab(OfRecords):
         records = find_records(self._run)
         coordinates: dict[str, object] = {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
         if (records >= 0).all():
-            coordinates["strain"] = ("snapshot", self.strain().values[records])
+            coordinates["strain"] = ("snapshot", np.atleast_1d(self.strain())[records])
         return coordinates
 
 

@@ -71,7 +71,7 @@ class OfRecords(Accessor):
             reference = self._reference
             facts = dataclasses.replace(facts, undrained=reference is not None, reference=reference, total=self.total)
             if "measured_pore_pressure" in self._run:
-                facts = dataclasses.replace(facts, measured=self._run["measured_pore_pressure"].values)
+                facts = dataclasses.replace(facts, measured=self._values("measured_pore_pressure"))
         if row.cyclic and facts.cycles is None and len(self._reversals):
             counts = functools.partial(number_of_cycles, self.path, self.strain_measure)
             facts = dataclasses.replace(facts, cycles=counts)
@@ -93,7 +93,7 @@ class OfRecords(Accessor):
 
     @functools.cached_property
     def _reversals(self) -> np.ndarray:
-        return self.strain_measure.reversals(self._run["strain"].values)
+        return self.strain_measure.reversals(self._values("strain"))
 
     @for_each_run
     def quantity(self, name: str, stress: str = "stress") -> xr.DataArray:
@@ -112,8 +112,8 @@ class OfRecords(Accessor):
         if missing := [needed for needed in row.needs if needed not in self._run.variables]:
             problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run.attrs)} did not record"
             raise InputError(problem, field="quantity", value=name, allowed="another quantity")
-        records = {needed: self._run[stress if needed == "stress" else needed].values for needed in row.needs}
-        values = np.broadcast_to(row(records, facts), len(self._run["axial_strain"]))
+        records = {needed: self._values(stress if needed == "stress" else needed) for needed in row.needs}
+        values = np.broadcast_to(row(records, facts), self._run["axial_strain"].size)
         return self._scalar(values, row.unit, row.label(facts)).rename(row.name)
 
     @for_each_run
@@ -225,11 +225,11 @@ class OfRecords(Accessor):
         """Effective stress at the start of undrained loading, Pa: (3, 3), or (n, 3, 3) with NaN where it is drained."""
         start = self.undrained_stress
         if self.is_undrained:
-            return self._run["stress"].values[0] if start is None else start
+            return self._values("stress")[0] if start is None else start
         if "path_step" not in self._run:
             return None
-        numbers = self._run["path_step"].values
-        return undrained.references(numbers, self._run["volume"].values, self._run["stress"].values, start)
+        steps, volume, stress = map(self._values, ("path_step", "volume", "stress"))
+        return undrained.references(steps, volume, stress, start)
 
     @property
     def undrained_stress(self) -> np.ndarray | None:
@@ -253,7 +253,7 @@ class OfRecords(Accessor):
     @property
     def is_undrained(self) -> bool:
         """True if the volume is constant, or changes as that of the pore water does."""
-        return bool(self.path and self.path.water is not None) or undrained.is_constant(self._run["volume"].values)
+        return bool(self.path and self.path.water is not None) or undrained.is_constant(self._values("volume"))
 
     def strength_shares(self) -> xr.DataArray:
         """Return the contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time).
@@ -334,6 +334,12 @@ class OfRecords(Accessor):
         ratio = np.abs(self.stress_ratio().values)
         return int(np.nanargmax(np.where(np.isfinite(ratio), ratio, -1.0)))
 
+    def _values(self, name: str) -> np.ndarray:
+        """Return a recorded variable along the records, also that of a single record such as `run.isel(time=0)`."""
+        values = self._run[name].values
+        return values if "time" in self._run.dims else values[np.newaxis]
+
     def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
-        named = self._run["axial_strain"].copy(deep=False, data=values).rename(None)
+        strain = self._run["axial_strain"]
+        named = strain.copy(deep=False, data=np.reshape(values, strain.shape)).rename(None)
         return named.assign_attrs(units=units, long_name=long_name)

@@ -53,6 +53,19 @@ def test_snapshots_of_a_selection_have_their_own_records(run):
     np.testing.assert_array_equal(backwards.lab.at_snapshots("stress"), run.lab.at_snapshots("stress"))
 
 
+@pytest.mark.parametrize("number", [0, 5, -1])
+@pytest.mark.parametrize("name", ["mean_stress", "q", "stress_ratio", "strain", "volumetric_strain", "friction_angle"])
+def test_a_single_record_has_its_number(run, name, number):
+    found = getattr(run.isel(time=number).lab, name)()
+    assert found.shape == () and float(found) == float(getattr(run.lab, name)()[number])
+
+
+def test_the_pore_pressure_of_a_single_record_starts_there_like_that_of_a_selection(run):
+    single, selection = run.isel(time=5).lab, run.isel(time=[5]).lab
+    assert single.is_undrained and selection.is_undrained
+    assert float(single.pore_pressure_ratio()) == float(selection.pore_pressure_ratio()[0])
+
+
 @pytest.mark.parametrize("time", [slice(3, None), slice(0, 3), slice(None, None, 2), [0], 0, []])
 def test_a_selection_without_the_records_of_its_snapshots_is_refused(run, time):
     part = run.isel(time=time)
