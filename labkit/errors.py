@@ -123,7 +123,7 @@ class ProgramError(PhysicsError):
 class Interrupted(KeyboardInterrupt):
     """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells.
 
-    It is no Exception, which a library, or the loop of a user over several runs, may catch and go on.
+    It is not an Exception: a library, or a user's loop over several runs, may catch every Exception and go on.
     """
 
     def __init__(self, message: str, code: int) -> None:
@@ -153,7 +153,9 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
         return error.message(name)
     if isinstance(error, OSError):
         return f"{error.filename or 'a file'}: {error.strerror or error}"
-    return str(error) or "interrupted"  # a KeyboardInterrupt of Python has no text
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or "interrupted"  # that of Python has no text
+    return str(error)
 
 
 class LabkitWarning(UserWarning):

@@ -199,8 +199,8 @@ def test_a_signal_sent_twice_does_not_interrupt_the_end():
     assert ended
 
 
-def test_a_library_that_catches_every_exception_does_not_stop_a_signal():
-    """As of some modules while they are imported; the command went on."""
+def test_a_library_that_catches_every_exception_does_not_swallow_a_signal():
+    """As some do while they are imported; the command then went on."""
     with pytest.raises(Interrupted, match="15"), end_on_signals(), contextlib.suppress(Exception):
         signal.raise_signal(signal.SIGTERM)
 

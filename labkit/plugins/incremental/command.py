@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from labkit.cli.arguments import History, Instance, Made, Option, Working, help_of, one_of, require
 from labkit.cli.registry import command
 from labkit.engines import Device
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.files.writable import require_writable, stem
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
@@ -107,7 +107,7 @@ def driver_command(
         carry_out = _on_grains(wanted, chosen, recording, computation, history)
     try:
         carry_out()
-    except (PhysicsError, KeyboardInterrupt):
+    except (PhysicsError, Interrupted):
         if File(output).is_file():
             _write_columns(output, wanted, table, chosen.stress_unit, inputs)
         raise
